@@ -30,14 +30,14 @@ TorqueOrders = tuple[tuple[float, float, float], ...]
 """Harmonics of a torque: order of the shaft, amplitude [N m] and phase [rad] of each."""
 
 
-def torque_orders(owner: str, given: Any) -> TorqueOrders:
+def torque_orders(owner: str, harmonics: Any) -> TorqueOrders:
     """Return the harmonics of a torque: order, amplitude [N m] and phase [rad] of each, by ascending order.
 
     Parameters
     ----------
     owner : str
         Class of the field, for messages.
-    given : mapping or sequence of tuple
+    harmonics : mapping or sequence of tuple
         ``{order: amplitude}`` or ``{order: (amplitude, phase)}``, or tuples of order, amplitude and phase. Orders may
         be texts of numbers, such as "1/2".
 
@@ -47,13 +47,13 @@ def torque_orders(owner: str, given: Any) -> TorqueOrders:
         If an order is not a positive fraction with a denominator up to 60, occurs twice, or a quantity is not valid.
     """
     rows = []
-    for order, amplitude, phase in _rows(owner, given):
-        exact = exact_order(owner, order)
+    for order, amplitude, phase in _rows(owner, harmonics):
+        fraction = exact_order(owner, order)
         size = to_si(owner, "torque_orders", amplitude, "N m")
         angle = to_si(owner, "torque_orders", phase, "rad")
         if not isfinite(size) or not isfinite(angle):
-            raise ValueError(f"{owner}: torque_orders = {quoted(given)} must have finite amplitudes and phases")
-        rows.append((float(exact), size, angle))
+            raise ValueError(f"{owner}: torque_orders = {quoted(harmonics)} must have finite amplitudes and phases")
+        rows.append((float(fraction), size, angle))
     rows.sort()
     double = next((a[0] for a, b in pairwise(rows) if a[0] == b[0]), None)
     if double is not None:
@@ -61,17 +61,17 @@ def torque_orders(owner: str, given: Any) -> TorqueOrders:
     return tuple(rows)
 
 
-def _rows(owner: str, given: Any) -> Iterable[tuple[Any, Any, Any]]:
+def _rows(owner: str, terms: Any) -> Iterable[tuple[Any, Any, Any]]:
     """Yield order, amplitude and phase of each harmonic."""
-    wrong = f"{owner}: torque_orders = {quoted(given)} must be amplitudes by order of the shaft, such as {_EXAMPLE}"
-    if isinstance(given, Mapping):
-        given = [(order, *(row if isinstance(row, Sequence) and not isinstance(row, str) else (row,)))
-                 for order, row in given.items()]  # fmt: skip
-    if isinstance(given, str) or not isinstance(given, Sequence):
-        raise ValueError(wrong)
-    for row in given:
+    message = f"{owner}: torque_orders = {quoted(terms)} must be amplitudes by order of the shaft, such as {_EXAMPLE}"
+    if isinstance(terms, Mapping):
+        terms = [(order, *(row if isinstance(row, Sequence) and not isinstance(row, str) else (row,)))
+                 for order, row in terms.items()]  # fmt: skip
+    if isinstance(terms, str) or not isinstance(terms, Sequence):
+        raise ValueError(message)
+    for row in terms:
         if isinstance(row, str) or not isinstance(row, Sequence) or len(row) not in (2, 3):
-            raise ValueError(wrong)
+            raise ValueError(message)
         yield row[0], row[1], row[2] if len(row) == 3 else 0.0
 
 
@@ -87,13 +87,13 @@ def exact_order(owner: str, order: Any) -> Fraction:
         number = Fraction(order.strip() if isinstance(order, str) else float(order))
     except (TypeError, ValueError, ZeroDivisionError, OverflowError):
         raise ValueError(f"{owner}: order {quoted(order)} of the torque must be a number such as 2 or 1/2") from None
-    exact = number.limit_denominator(LARGEST_DENOMINATOR)
-    if number <= 0 or abs(number - exact) > _ROUNDING * number:
+    fraction = number.limit_denominator(LARGEST_DENOMINATOR)
+    if number <= 0 or abs(number - fraction) > _ROUNDING * number:
         raise ValueError(
             f"{owner}: order {quoted(order)} of the torque has no common base with the turns of its shaft below "
             f"{LARGEST_DENOMINATOR} turns; give a positive multiple of a simple fraction, such as 2 or 1/2"
         )
-    return exact
+    return fraction
 
 
 def common_divisor(a: Fraction, b: Fraction) -> Fraction:
@@ -108,10 +108,10 @@ def mesh_multiple(owner: str, orders: TorqueOrders, mesh_speed: Fraction) -> int
 
     ``mesh_speed`` is the frequency of the mesh over the speed of the shaft.
     """
-    common = Fraction(1)
+    base = Fraction(1)
     for order, _, _ in orders:
-        common = common_divisor(common, exact_order(owner, order) / mesh_speed)
-    return int(1 / common)
+        base = common_divisor(base, exact_order(owner, order) / mesh_speed)
+    return int(1 / base)
 
 
 def order_load(multiple: int, amplitude: float, angle: float, direction: Array) -> Load:
@@ -140,12 +140,12 @@ def parse_torque_orders(option: str, text: str) -> dict[str, tuple[str, str]]:
     ValueError
         If an entry has no colon.
     """
-    found: dict[str, tuple[str, str]] = {}
+    orders: dict[str, tuple[str, str]] = {}
     for entry in text.split(","):
         order, colon, rest = entry.partition(":")
         amplitude, _, phase = rest.strip().rpartition(" ") if rest.rstrip().endswith(("deg", "rad")) else (rest, "", "")
-        if not colon or not amplitude.strip() or order.strip() in found:
+        if not colon or not amplitude.strip() or order.strip() in orders:
             raise ValueError(f'{option} {text}: need each order with its amplitude, such as {option} "2: 60Nm, 4: 20Nm '
                              '30deg"')  # fmt: skip
-        found[order.strip()] = (amplitude.strip(), phase or "0 deg")
-    return found
+        orders[order.strip()] = (amplitude.strip(), phase or "0 deg")
+    return orders

@@ -35,7 +35,7 @@ def backlash_factors(working_angle: float, base_helix: float) -> dict[str, float
     return {"circumferential": 1.0, "normal": action * cos(base_helix), "action": action}
 
 
-def convert_backlash(value: float, given: str, wanted: str, working_angle: float, base_helix: float) -> float:
+def convert_backlash(value: float, source: str, target: str, working_angle: float, base_helix: float) -> float:
     """Convert a backlash [m] from one measure to another.
 
     Raises
@@ -50,7 +50,7 @@ def convert_backlash(value: float, given: str, wanted: str, working_angle: float
     75.175
     """
     factors = backlash_factors(working_angle, base_helix)
-    for name in (given, wanted):
+    for name in (source, target):
         if not isinstance(name, str) or name not in factors:
             raise ValueError(f"backlash measure must be one of {', '.join(MEASURES)}; got {quoted(name)}")
-    return value * factors[wanted] / factors[given]
+    return value * factors[target] / factors[source]

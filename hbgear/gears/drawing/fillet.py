@@ -53,10 +53,10 @@ class RackTip(NamedTuple):
         """
         sine = 1 / np.sqrt(1 + cotangents**2)
         depth = self.c + self.rho * sine
-        across = depth * cotangents * cos(helix)
-        roll = (self.E + self.rho * cotangents * sine) / cos(helix) - across
-        up = pitch_radius - depth
-        return np.hypot(across, up), np.arctan2(across, up) + roll / pitch_radius
+        tangential = depth * cotangents * cos(helix)
+        roll = (self.E + self.rho * cotangents * sine) / cos(helix) - tangential
+        radial = pitch_radius - depth
+        return np.hypot(tangential, radial), np.arctan2(tangential, radial) + roll / pitch_radius
 
     def end(self, pitch_radius: float, helix: float, base_radius: float, space: float) -> float:
         """Return cot(t) where the fillet meets the involute.

@@ -359,11 +359,11 @@ def _section(gear: Gear) -> float:
     return pi / 4 * (outer**2 - inner**2)
 
 
-def _checked_errors(given: Any, teeth: int) -> tuple[float, ...]:
+def _checked_errors(values: Any, teeth: int) -> tuple[float, ...]:
     """Return the errors of the positions of all teeth [m]."""
-    if isinstance(given, str) or not isinstance(given, Iterable):
-        raise ValueError(f"Gear: pitch_errors = {quoted(given)} must be a sequence with one length for each tooth")
-    errors = tuple(to_si("Gear", "pitch_errors", value, "m") for value in given)
+    if isinstance(values, str) or not isinstance(values, Iterable):
+        raise ValueError(f"Gear: pitch_errors = {quoted(values)} must be a sequence with one length for each tooth")
+    errors = tuple(to_si("Gear", "pitch_errors", value, "m") for value in values)
     if errors and len(errors) != teeth:
         raise ValueError(f"Gear: pitch_errors has {len(errors)} values for {teeth} teeth; give one for each tooth, "
                          "the error of its position: numpy.cumsum of the single pitch deviations")  # fmt: skip
@@ -379,12 +379,12 @@ def _check_rack(gear: Gear) -> None:
     """Raise an error if a rack has properties of a body that turns."""
     if gear.internal:
         raise ValueError("Gear: internal and rack are both True; a rack has straight flanks: keep one")
-    wrong = [name for name in ("tip_diameter", "body_diameter", "inertia", "rim_thickness", "runout", "pitch_errors")
+    names = [name for name in ("tip_diameter", "body_diameter", "inertia", "rim_thickness", "runout", "pitch_errors")
              if getattr(gear, name)]  # fmt: skip
-    if wrong:
+    if names:
         remedy = {"tip_diameter": "addendum or tip_alteration", "inertia": "mass", "body_diameter": "mass"}
-        raise ValueError(f"Gear: {wrong[0]} belongs to a gear that turns, and this is a rack; "
-                         f"{f'give its {remedy[wrong[0]]}' if wrong[0] in remedy else f'omit {wrong[0]}'}")  # fmt: skip
+        raise ValueError(f"Gear: {names[0]} belongs to a gear that turns, and this is a rack; "
+                         f"{f'give its {remedy[names[0]]}' if names[0] in remedy else f'omit {names[0]}'}")  # fmt: skip
 
 
 def _check_diameters(gear: Gear) -> None:

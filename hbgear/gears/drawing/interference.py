@@ -84,14 +84,14 @@ class Engagement:
         """
         g, sign = self.pinion, self.wheel.sign
         r_1, r_2 = g.base_diameter / 2, self.wheel.base_diameter / 2
-        at = self.tangent_length - sign * sqrt(max((tip / 2) ** 2 - r_2**2, 0.0))
+        position = self.tangent_length - sign * sqrt(max((tip / 2) ** 2 - r_2**2, 0.0))
         centre = sign * self.distance + 0j
         foot = r_1 * np.exp(-1j * self.pressure)
         along = 1j * np.exp(-1j * self.pressure)
-        moved = np.linspace(-1.0, 1.0, PATH_STEPS) * g.base_pitch
-        corner = centre + (foot + at * along - centre) * np.exp(-1j * sign * moved / r_2)
-        corner = corner * np.exp(-1j * moved / r_1)
-        tooth = -self.pressure + at / r_1 - g.tooth_thickness(g.base_diameter) / g.base_diameter
+        travel = np.linspace(-1.0, 1.0, PATH_STEPS) * g.base_pitch
+        corner = centre + (foot + position * along - centre) * np.exp(-1j * sign * travel / r_2)
+        corner = corner * np.exp(-1j * travel / r_1)
+        tooth = -self.pressure + position / r_1 - g.tooth_thickness(g.base_diameter) / g.base_diameter
         radius, half_angle = g.fillet(FILLET_STEPS)
         distance = np.abs(corner)
         within = (distance < radius[-1]) & (distance > radius[0])
@@ -108,9 +108,9 @@ class Engagement:
         if not all(-1 <= cosine <= 1 for cosine in cosines):
             return pi if r_2 > r_1 else -pi  # the tip circle of the pinion lies within that of the ring, or around it
         alpha_1, alpha_2 = (acos(min(g.base_diameter / d, 1.0)) for g, d in ((p, 2 * r_1), (w, ring_tip)))
-        working = involute(self.pressure)
-        rotation = (acos(cosines[0]) + involute(alpha_1) - working) * p.teeth / w.teeth
-        return rotation + working - involute(alpha_2) - acos(cosines[1])
+        inv = involute(self.pressure)
+        rotation = (acos(cosines[0]) + involute(alpha_1) - inv) * p.teeth / w.teeth
+        return rotation + inv - involute(alpha_2) - acos(cosines[1])
 
     @property
     def radial_assembly(self) -> bool:
@@ -119,14 +119,14 @@ class Engagement:
         ratio = w.teeth / p.teeth
         alpha_1, alpha_2 = (acos(min(g.base_diameter / g.tip_diameter_used, 1.0)) for g in (p, w))
         squares = [
-            (1 - (cos(own) / cos(other)) ** 2) / (1 - part**2)
-            for own, other, part in ((alpha_1, alpha_2, 1 / ratio), (alpha_2, alpha_1, ratio))
+            (1 - (cos(alpha) / cos(mate)) ** 2) / (1 - part**2)
+            for alpha, mate, part in ((alpha_1, alpha_2, 1 / ratio), (alpha_2, alpha_1, ratio))
         ]
         if not all(0 <= square <= 1 for square in squares):
             return True  # the tip circles do not intersect in the middle position
         theta_1, theta_2 = (asin(sqrt(square)) for square in squares)
-        working = involute(self.pressure)
-        return theta_1 + involute(alpha_1) - working >= ratio * (theta_2 + involute(alpha_2) - working)
+        inv = involute(self.pressure)
+        return theta_1 + involute(alpha_1) - inv >= ratio * (theta_2 + involute(alpha_2) - inv)
 
     # Checks
 
@@ -146,29 +146,29 @@ class Engagement:
             self.swapped._check_pinion("wheel")
 
     def _check_pinion(self, name: str) -> None:
-        g, at, tip, mm = self.pinion, self.tip_contact, self.wheel.tip_diameter_used, 1e3
+        g, s, tip, mm = self.pinion, self.tip_contact, self.wheel.tip_diameter_used, 1e3
         form = g.form_diameter
         if g.undercut:
             depth = self.root_overlap(tip)
             if depth <= DEPTH_TOLERANCE * g.module:
                 return
-            where = f"{depth * 1e6:.0f} um deep in its root"
+            location = f"{depth * 1e6:.0f} um deep in its root"
         else:
-            diameter = 2 * hypot(at, g.base_diameter / 2) if at > 0 else 0.0
+            diameter = 2 * hypot(s, g.base_diameter / 2) if s > 0 else 0.0
             if diameter >= form - DEPTH_TOLERANCE * g.module:
                 return
-            where = f"{f'at {diameter * mm:.6g} mm' if at > 0 else 'below its base circle'}, outside its involute"
-        cure = self.wheel_tip(sqrt(max(form**2 - g.base_diameter**2, 0.0)) / 2)
-        least = "of at least" if self.wheel.internal else "of at most"
+            location = f"{f'at {diameter * mm:.6g} mm' if s > 0 else 'below its base circle'}, outside its involute"
+        limit = self.wheel_tip(sqrt(max(form**2 - g.base_diameter**2, 0.0)) / 2)
+        bound = "of at least" if self.wheel.internal else "of at most"
         if g.rack:
             raise ValueError(
                 "GearPair: interference: the tips of the pinion reach below the straight flanks of the rack, into its "
-                f"fillets: give the pinion {tip_text(self.wheel, least, cure)}, or the rack a larger dedendum"
+                f"fillets: give the pinion {tip_text(self.wheel, bound, limit)}, or the rack a larger dedendum"
             )
         tips = "of the rack" if self.wheel.rack else f"of the other gear (diameter {tip * mm:.6g} mm)"
         raise ValueError(
-            f"GearPair: interference: the tips {tips} touch the {name} {where} "
-            f"(which ends at {form * mm:.6g} mm): give the other gear {tip_text(self.wheel, least, cure)}, "
+            f"GearPair: interference: the tips {tips} touch the {name} {location} "
+            f"(which ends at {form * mm:.6g} mm): give the other gear {tip_text(self.wheel, bound, limit)}, "
             f"or the {name} a larger profile_shift or more teeth"
         )
 
@@ -176,10 +176,10 @@ class Engagement:
         p, w, mm = self.pinion, self.wheel, 1e3
         clearance = w.root_diameter / 2 - self.distance - p.tip_diameter_used / 2
         if clearance < -1e-9:
-            cure = p.tip_diameter_used + 2 * clearance
+            limit = p.tip_diameter_used + 2 * clearance
             raise ValueError(
                 f"GearPair: the tips of the {p.teeth} teeth reach {-clearance * mm:.3f} mm into the roots of the ring "
-                f"of {w.teeth}; give the pinion a tip_diameter of at most {cure * mm:.6g} mm"
+                f"of {w.teeth}; give the pinion a tip_diameter of at most {limit * mm:.6g} mm"
             )
         tips = p.tip_diameter_used, w.tip_diameter_used
         if self.tip_margin(*tips) < 0:
@@ -194,18 +194,18 @@ class Engagement:
         from scipy.optimize import brentq
 
         pitch, mm = self.pinion.base_pitch, 1e3
-        cures = []
+        remedies = []
         largest = self.wheel_tip(tip_distance(self.pinion) - pitch)
         if largest > ring_tip and self.tip_margin(pinion_tip, largest) >= 0:
             ring = brentq(lambda d: self.tip_margin(pinion_tip, d), ring_tip, largest, xtol=1e-9)
-            cures.append(f"the ring a tip_diameter of at least {ring * mm + TIP_MARGIN:.6g} mm")
+            remedies.append(f"the ring a tip_diameter of at least {ring * mm + TIP_MARGIN:.6g} mm")
         smallest = 2 * hypot(self.pinion.base_diameter / 2, self.tip_contact + pitch)
         if smallest < pinion_tip and self.tip_margin(smallest, ring_tip) >= 0:
             pinion = brentq(lambda d: self.tip_margin(d, ring_tip), smallest, pinion_tip, xtol=1e-9)
-            cures.append(f"the pinion a tip_diameter of at most {pinion * mm - TIP_MARGIN:.6g} mm")
-        if not cures:
+            remedies.append(f"the pinion a tip_diameter of at most {pinion * mm - TIP_MARGIN:.6g} mm")
+        if not remedies:
             return "no tip diameter of one of them avoids it; give "
-        return f"give {' or '.join(cures)}, "
+        return f"give {' or '.join(remedies)}, "
 
 
 def tip_text(gear: Gear, limit: str, diameter: float) -> str:

@@ -249,9 +249,9 @@ class GearPair:  # numpydoc ignore=PR02
         """Half backlash b along the line of action in the transverse plane [m]."""
         return self.backlash_as("action") / 2
 
-    def tilt(self, across: Array) -> Array:
+    def tilt(self, positions: Array) -> Array:
         """Return the gap of the driving flanks [m] by misalignment, at positions -1/2 to 1/2 across the face."""
-        gap: Array = abs(self.misalignment) / 2 + self.misalignment * across
+        gap: Array = abs(self.misalignment) / 2 + self.misalignment * positions
         return gap
 
     @property
@@ -325,17 +325,17 @@ def _check_fit(pair: GearPair) -> None:
 
 
 def _check_distance(pair: GearPair) -> None:
-    least = abs(pair._signed_base_radius)
-    if pair.center_distance is not None and pair.working_center_distance <= least and not pair.wheel.rack:
+    minimum = abs(pair._signed_base_radius)
+    if pair.center_distance is not None and pair.working_center_distance <= minimum and not pair.wheel.rack:
         raise ValueError(f"GearPair: center_distance = {pair.center_distance * 1e3:.6g} mm must be above "
-                         f"{least * 1e3:.6g} mm, where the base circles touch")  # fmt: skip
+                         f"{minimum * 1e3:.6g} mm, where the base circles touch")  # fmt: skip
     if pair.center_distance is None:
         shifts = pair.pinion.profile_shift + pair.wheel.profile_shift
         value = involute(pair.pinion.transverse_pressure_angle) + (
             2 * tan(pair.pinion.pressure_angle) * shifts / pair._signed_teeth
         )
         if value <= 0:
-            given = f"profile shifts of {pair.pinion.profile_shift:g} and {pair.wheel.profile_shift:g}"
+            shifts_text = f"profile shifts of {pair.pinion.profile_shift:g} and {pair.wheel.profile_shift:g}"
             remedy = "increase them"
             if pair.wheel.internal:
                 remedy = (
@@ -343,7 +343,7 @@ def _check_distance(pair: GearPair) -> None:
                     "outwards, as many catalogues do, give the opposite sign, profile_shift = "
                     f"{-pair.wheel.profile_shift:g}"
                 )
-            raise ValueError(f"GearPair: {given} allow no centre distance; {remedy}")
+            raise ValueError(f"GearPair: {shifts_text} allow no centre distance; {remedy}")
 
 
 def _check_backlash(pair: GearPair) -> None:

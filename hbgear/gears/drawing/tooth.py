@@ -95,9 +95,9 @@ class Tooth:
             Distance along the force from the flank to the centre line [m].
         """
         radius = np.clip(self.pitch + height, max(self.base, self.radius[0]), self.radius[-1])
-        half = np.interp(radius, self.radius, self.half_angle)
-        phi = np.arccos(np.minimum(self.base / radius, 1.0)) - half
-        x_F, y_F = radius * np.cos(half), radius * np.sin(half)
+        half_angle = np.interp(radius, self.radius, self.half_angle)
+        phi = np.arccos(np.minimum(self.base / radius, 1.0)) - half_angle
+        x_F, y_F = radius * np.cos(half_angle), radius * np.sin(half_angle)
         energy = self._beam(x_F, y_F, phi)
         return energy + self._foundation(x_F, y_F, phi), y_F / np.cos(phi)
 

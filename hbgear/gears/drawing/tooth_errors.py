@@ -63,13 +63,13 @@ def error_period(pair: GearPair) -> int:
     ValueError
         If it is larger than `MAX_ERROR_PERIOD`.
     """
-    found = lcm(*(gear.teeth for gear in (pair.pinion, pair.wheel) if has_errors(gear)))
-    if found > MAX_ERROR_PERIOD:
+    period = lcm(*(gear.teeth for gear in (pair.pinion, pair.wheel) if has_errors(gear)))
+    if period > MAX_ERROR_PERIOD:
         raise ValueError(
-            f"GearPair: the errors of {pair.pinion.teeth} and {pair.wheel.teeth} teeth repeat after {found} meshes, "
+            f"GearPair: the errors of {pair.pinion.teeth} and {pair.wheel.teeth} teeth repeat after {period} meshes, "
             f"and at most {MAX_ERROR_PERIOD} can be computed; give pitch_errors and runout of one gear only"
         )
-    return found
+    return period
 
 
 def pair_gaps(pair: GearPair, side: int, meshes: int) -> dict[int, float]:
@@ -91,9 +91,9 @@ def pair_gaps(pair: GearPair, side: int, meshes: int) -> dict[int, float]:
 
 def gap_waves(pair: GearPair, side: int) -> tuple[GapWave, ...]:
     """Return the gap of the driving (side +1) or back flanks by the run-out of each gear."""
-    alpha, found = pair.working_pressure_angle, []
+    alpha, waves = pair.working_pressure_angle, []
     for gear, sign, turn in ((pair.pinion, -1, 1), (pair.wheel, 1, -pair.wheel.sign)):
         if gear.runout:
             phase = gear.runout_phase + side * turn * alpha + (pi if sign * side < 0 else 0.0)
-            found.append(GapWave(gear.runout / 2, gear.teeth, phase))
-    return tuple(found)
+            waves.append(GapWave(gear.runout / 2, gear.teeth, phase))
+    return tuple(waves)

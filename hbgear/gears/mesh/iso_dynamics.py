@@ -43,7 +43,7 @@ class _Weights(NamedTuple):
     pitch: float
     profile: float
     below: float
-    at: float
+    at_resonance: float
     pitch_above: float
     profile_above: float
     above: float
@@ -110,18 +110,18 @@ def iso_dynamic_factor(pair: GearPair, torque: Any, speed: ArrayLike, grade: int
         raise ValueError("iso_dynamic_factor: speed must be finite")
     load = torque / (pair.pinion.reference_diameter / 2) / pair.face_width
     gears = (pair.pinion,) if pair.wheel.rack else (pair.pinion, pair.wheel)  # tolerances of a rack: of its pinion
-    pitch, profile = (max(both) for both in zip(*(deviations(g, grade) for g in gears), strict=True))
+    pitch, profile = (max(values) for values in zip(*(deviations(g, grade) for g in gears), strict=True))
     stiffness_over_load = iso_stiffness(pair, torque).single / load
     relief = (pair.pinion.tip_relief + pair.wheel.tip_relief) / 2
     k = 1.0 if grade >= 6 else abs(1 - stiffness_over_load * relief)
     C = _Weights.of(pair.total_contact_ratio)
     errors = C.pitch * stiffness_over_load * pitch + C.profile * stiffness_over_load * profile
-    at = 1 + errors + C.at * k
+    resonant = 1 + errors + C.at_resonance * k
     above = C.pitch_above * stiffness_over_load * pitch + C.profile_above * stiffness_over_load * profile + C.above
     N = np.abs(n) / resonance_speed(pair, torque)
     low = 0.85 if load >= LOW_LOAD_RESONANCE else 0.5 + 0.35 * sqrt(load / LOW_LOAD_RESONANCE)
-    between = above + (at - above) * (1.5 - N) / 0.35
+    between = above + (resonant - above) * (1.5 - N) / 0.35
     out: Array = np.select(
-        [low >= N, N <= 1.15, N < 1.5], [1 + N * (errors + C.below * k), np.full(n.shape, at), between], above
+        [low >= N, N <= 1.15, N < 1.5], [1 + N * (errors + C.below * k), np.full(n.shape, resonant), between], above
     )
     return out

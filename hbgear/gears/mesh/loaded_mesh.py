@@ -126,11 +126,11 @@ def cycle_phases(pair: GearPair, count: int) -> tuple[Array, Array]:
     side[0], side[-1] = 1, -1
     if pair.overlap_ratio:
         return phase, side
-    leaves = pair.contact_ratio % 1.0
-    phase = phase[np.abs(phase - leaves) > 1e-9]
+    exit_phase = pair.contact_ratio % 1.0
+    phase = phase[np.abs(phase - exit_phase) > 1e-9]
     side = np.concatenate([[1.0], np.zeros(len(phase) - 2), [-1.0]])
-    at = int(np.searchsorted(phase, leaves))
-    return np.insert(phase, at, [leaves, leaves]), np.insert(side, at, [-1.0, 1.0])
+    index = int(np.searchsorted(phase, exit_phase))
+    return np.insert(phase, index, [exit_phase, exit_phase]), np.insert(side, index, [-1.0, 1.0])
 
 
 def possible_contacts(pair: GearPair, phase: Array, side: Array, slices: int) -> Contacts:
@@ -144,27 +144,27 @@ def possible_contacts(pair: GearPair, phase: Array, side: Array, slices: int) ->
     lag = pair.overlap_ratio * (z + 0.5)
     pairs = np.arange(ceil(length + pair.overlap_ratio) + 1)
     position = (phase[:, None, None] + pairs[None, :, None] - lag[None, None, :]).reshape(len(phase), -1)
-    nudge = side[:, None] * 1e-9  # shift [base pitch] that selects the state before or after a jump
+    offset = side[:, None] * 1e-9  # shift [base pitch] that selects the state before or after a jump
     half_width = pair.overlap_ratio / (2 * slices)  # half the section of the path covered by a slice [base pitch]
     first, last = np.clip(position - half_width, 0.0, length), np.clip(position + half_width, 0.0, length)
-    inside = (position + nudge > 0) & (position + nudge < length)
+    inside = (position + offset > 0) & (position + offset < length)
     fraction = (last - first) / (2 * half_width) if half_width else inside.astype(float)
     return contacts_at(pair, first, last, np.tile(z, len(pairs))[None, :], fraction, slices)
 
 
-def contacts_at(pair: GearPair, first: Array, last: Array, across: Array, fraction: Array, slices: int) -> Contacts:
+def contacts_at(pair: GearPair, first: Array, last: Array, z: Array, fraction: Array, slices: int) -> Contacts:
     """Return the contacts of slices whose contact line covers a section of the path.
 
-    ``first`` and ``last`` are the ends of the section [base pitch], ``across`` is the middle of the slice, see `_gaps`,
+    ``first`` and ``last`` are the ends of the section [base pitch], ``z`` is the middle of the slice, see `_gaps`,
     and ``fraction`` is the part of the slice within the path of contact.
     """
     begin, end = pair.path
     middle = (first + last) / 2
     first, s, last = (np.clip(begin + u * pair.base_pitch, begin, end) for u in (first, middle, last))
-    ahead, behind = _gaps(pair, last, across - 0.5 / slices), _gaps(pair, first, across + 0.5 / slices)
-    gap, spread = (ahead + behind) / 2, np.abs(ahead - behind) / 2
+    gap_last, gap_first = _gaps(pair, last, z - 0.5 / slices), _gaps(pair, first, z + 0.5 / slices)
+    gap, spread = (gap_last + gap_first) / 2, np.abs(gap_last - gap_first) / 2
     grid, compliance, depths = _teeth_over_path(_without_errors(pair))
-    teeth, depth = np.interp(s, grid, compliance), [np.interp(s, grid, one) for one in depths]
+    teeth, depth = np.interp(s, grid, compliance), [np.interp(s, grid, d) for d in depths]
     cos_helix = cos(pair.pinion.base_helix_angle)
     rho = np.abs(s * (pair.tangent_length - s) / pair.tangent_length) / cos_helix
     width = pair.face_width / slices
@@ -201,16 +201,16 @@ def _teeth_over_path(pair: GearPair) -> tuple[Array, Array, tuple[Array, Array]]
     return grid, teeth, (depth[0], depth[1])
 
 
-def _gaps(pair: GearPair, s: Array, across: Array) -> Array:
+def _gaps(pair: GearPair, s: Array, z: Array) -> Array:
     """Return the material missing at positions along the line of action and across the face [m].
 
-    ``s`` is measured from the base circle of the pinion [m]; ``across`` is the position across the face over the face
+    ``s`` is measured from the base circle of the pinion [m]; ``z`` is the position across the face over the face
     width, -1/2 to 1/2.
     """
     begin, end = pair.path
-    gap = pair.pitch_error * (s - (begin + end) / 2) / pair.base_pitch + pair.tilt(across)
+    gap = pair.pitch_error * (s - (begin + end) / 2) / pair.base_pitch + pair.tilt(z)
     for gear, from_tip in ((pair.pinion, end - s), (pair.wheel, s - begin)):
-        gap = gap + gear.crowning * (2 * across) ** 2
+        gap = gap + gear.crowning * (2 * z) ** 2
         if gear.tip_relief:
             length = relief_length(pair, gear)
             gap = gap + gear.tip_relief * np.maximum(1 - from_tip / length, 0.0)

@@ -181,8 +181,8 @@ class MeshCycle:  # numpydoc ignore=PR02
             checked("MeshCycle", "force", self.force, NOT_NEGATIVE)
         lowest = float(self.stiffness.value.min())
         if lowest <= 0:
-            where = float(self.stiffness.phase[np.argmin(self.stiffness.value)])
-            raise ValueError(f"the mesh stiffness is {lowest:g} N/m at {where:g} of the cycle; it must be positive "
+            phase = float(self.stiffness.phase[np.argmin(self.stiffness.value)])
+            raise ValueError(f"the mesh stiffness is {lowest:g} N/m at {phase:g} of the cycle; it must be positive "
                              "throughout: check the column and its unit, and do not subtract the mean")  # fmt: skip
 
     @classmethod
@@ -276,8 +276,8 @@ def _at(table: MeshTable, x: Array) -> Array:
     """Return the values of a table at phases; a phase that occurs twice in ``x`` marks a jump."""
     out: Array = np.interp(x, table.phase, table.value)
     for i in range(len(x)):
-        twice = np.flatnonzero(table.phase == x[i])
-        if len(twice) == 2:
+        rows = np.flatnonzero(table.phase == x[i])
+        if len(rows) == 2:
             before = i + 1 < len(x) and x[i + 1] == x[i]
-            out[i] = table.value[twice[0] if before else twice[1]]
+            out[i] = table.value[rows[0] if before else rows[1]]
     return out

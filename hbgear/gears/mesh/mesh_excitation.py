@@ -60,8 +60,8 @@ class MeshExcitation(Model):
         if self.mesh_order > 1:
             low, high = type(self).default_span
             object.__setattr__(self, "default_span", (low / self.mesh_order, high / self.mesh_order))
-            common = rf"$\Omega = \omega_\mathrm{{mesh}} / ({self.mesh_order}\,\omega_n)$ [-]"
-            object.__setattr__(self, "labels", {**type(self).labels, "Omega": common})
+            label = rf"$\Omega = \omega_\mathrm{{mesh}} / ({self.mesh_order}\,\omega_n)$ [-]"
+            object.__setattr__(self, "labels", {**type(self).labels, "Omega": label})
         if self.phase not in ("cos", "sin"):
             raise ValueError(f"{owner}: phase = {self.phase!r} must be 'cos' or 'sin'")
         fields = {field.name for field in dataclasses.fields(self)}  # type: ignore[arg-type]
@@ -128,9 +128,9 @@ class MeshExcitation(Model):
         if self.fluctuation is None:
             return Load(constant=constant)
         row = (self.fluctuation_scale * self.fluctuation.row()).tolist()
-        parts = [{k: x * np.asarray(direction) for k, x in enumerate(row[at::2], 1) if x} for at in (1, 2)]
+        harmonics = [{k: x * np.asarray(direction) for k, x in enumerate(row[first::2], 1) if x} for first in (1, 2)]
         mean = np.asarray(constant) + row[0] * np.asarray(direction)
-        return Load(constant=mean, cosine=parts[0], sine=parts[1])
+        return Load(constant=mean, cosine=harmonics[0], sine=harmonics[1])
 
 
 def in_order(function: Phased, order: int, lag: float = 0.0) -> Phased:
@@ -152,12 +152,12 @@ def contacts_in_order(contacts: MeshContacts, order: int, lag: float = 0.0) -> M
     if order == meshes and not lag:
         return contacts
     times = order // meshes
-    return contacts.turned(lambda one: in_order(one, times, lag / meshes), times)
+    return contacts.turned(lambda function: in_order(function, times, lag / meshes), times)
 
 
 def check_contact_scale(owner: str, eps_scale: float, contacts: Sequence[MeshContacts | None]) -> None:
     """Raise an error if the stiffness amplitudes of contacts are scaled, which have none."""
-    if eps_scale != 1.0 and any(one is not None for one in contacts):
+    if eps_scale != 1.0 and any(mesh is not None for mesh in contacts):
         raise ValueError(
             f"{owner}: eps_scale = {eps_scale:g} has no meaning for contacts, whose stiffness is that of the pairs of "
             "teeth: give 1, or a mean-mesh model (mesh='tangent')"
@@ -166,7 +166,7 @@ def check_contact_scale(owner: str, eps_scale: float, contacts: Sequence[MeshCon
 
 def parameters_of_meshes(parameters: dict[str, float], contacts: Sequence[MeshContacts | None]) -> dict[str, float]:
     """Return the parameters of a model without eps_scale if a mesh has contacts, see `check_contact_scale`."""
-    if all(one is None for one in contacts):
+    if all(mesh is None for mesh in contacts):
         return parameters
     return {name: value for name, value in parameters.items() if name != "eps_scale"}
 

@@ -90,12 +90,12 @@ def mesh_model(
     """
     friction = checked_friction(owner, friction)
     if friction and (cycle is not None or mesh not in (None, "teeth")):
-        given = "a cycle" if cycle is not None else f"mesh = {quoted(mesh)}"
-        raise ValueError(f"{owner}: friction needs the force on every pair of teeth, and {given} has one for "
+        source = "a cycle" if cycle is not None else f"mesh = {quoted(mesh)}"
+        raise ValueError(f"{owner}: friction needs the force on every pair of teeth, and {source} has one for "
                          "all; give mesh='teeth', or friction=0")  # fmt: skip
     if (has_errors(pair.pinion) or has_errors(pair.wheel)) and (cycle is not None or mesh not in (None, "teeth")):
-        given = "a cycle" if cycle is not None else f"mesh = {quoted(mesh)}"
-        raise ValueError(f"{owner}: pitch_errors and runout of gears need the pairs of teeth, and {given} has one gap "
+        source = "a cycle" if cycle is not None else f"mesh = {quoted(mesh)}"
+        raise ValueError(f"{owner}: pitch_errors and runout of gears need the pairs of teeth, and {source} has one gap "
                          "for all; give mesh='teeth', or gears without these errors")  # fmt: skip
     if mesh is not None and mesh not in MESHES:
         raise ValueError(f"{owner}: mesh = {quoted(mesh)} must be one of {', '.join(MESHES)}")
@@ -106,8 +106,8 @@ def mesh_model(
         return MeshModel(k_mean, k_mean, stiffness, error)
     teeth = tooth_mesh(pair, torque)
     if friction:
-        rubbing = friction_mesh(teeth, friction, side)
-        return MeshModel(teeth.stiffness, teeth.stiffness, None, None, *rubbing)
+        friction_fields = friction_mesh(teeth, friction, side)
+        return MeshModel(teeth.stiffness, teeth.stiffness, None, None, *friction_fields)
     if mesh in (None, "teeth"):
         return MeshModel(teeth.stiffness, teeth.stiffness, contacts=teeth.contacts(1.0))
     k_mean, stiffness, error = pair.mesh(torque, linearized=mesh).functions(teeth.force)

@@ -61,8 +61,8 @@ class PathFunction(NamedTuple):
         for x, y in zip(nodes, values, strict=True):
             fit_cubics(x, y, 0, len(x) - 1, tolerance, segments)
         rows = np.zeros((len(segments), max(len(row) for _, row in segments)))
-        for row, (_, given) in zip(rows, segments, strict=True):
-            row[: len(given)] = given
+        for row, (_, coefficients) in zip(rows, segments, strict=True):
+            row[: len(coefficients)] = coefficients
         return cls(np.array([*(begin for begin, _ in segments), nodes[-1][-1]]), rows)
 
     @property
@@ -103,10 +103,10 @@ class PathFunction(NamedTuple):
         w, longest = TURN / wave.meshes, WAVE_STEP * wave.meshes
         cuts = [np.linspace(a, b, ceil((b - a) / longest) + 1)[:-1] for a, b in pairwise(self.nodes.tolist())]
         nodes = np.concatenate([*cuts, self.nodes[-1:]])
-        own = self.section(float(nodes[0]), float(nodes[-1]))
-        piece = np.searchsorted(own.nodes, 0.5 * (nodes[1:] + nodes[:-1]), side="right") - 1
+        base = self.section(float(nodes[0]), float(nodes[-1]))
+        piece = np.searchsorted(base.nodes, 0.5 * (nodes[1:] + nodes[:-1]), side="right") - 1
         rows = np.zeros((len(piece), 4))
-        rows[:, : own.rows.shape[1]] = _moved(own.rows[piece], nodes[:-1] - own.nodes[piece])
+        rows[:, : base.rows.shape[1]] = _moved(base.rows[piece], nodes[:-1] - base.nodes[piece])
         angle, h = w * (nodes + time) + wave.phase, np.diff(nodes)
         y, slope = wave.amplitude * np.sin(angle), wave.amplitude * w * np.cos(angle)
         mean = np.diff(y) / h

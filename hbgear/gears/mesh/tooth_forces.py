@@ -69,11 +69,11 @@ def _total(force: Array) -> Array:
     turns = -(-count // STEPS_PER_MESH)
     padded = np.zeros((pairs, turns * STEPS_PER_MESH))
     padded[:, :count] = force
-    parts = padded.reshape(pairs, turns, STEPS_PER_MESH)
+    by_turn = padded.reshape(pairs, turns, STEPS_PER_MESH)
     at_time = np.zeros((pairs, STEPS_PER_MESH))
     for p in range(pairs):
         for turn in range(turns):
-            at_time[(p + turn) % pairs] += parts[p, turn]
+            at_time[(p + turn) % pairs] += by_turn[p, turn]
     out = np.stack([np.concatenate([at_time[(p + turn) % pairs] for turn in range(turns)]) for p in range(pairs)])
     return out[:, :count]
 

@@ -121,9 +121,9 @@ class BenedictKelley:  # numpydoc ignore=PR02
         sliding, total : float or ndarray
             Difference and sum of the velocities of both surfaces along the tangent [m/s].
         """
-        rough = 50 / (50 - self.roughness / _MICROINCH)
+        factor = 50 / (50 - self.roughness / _MICROINCH)
         w, v_s, v_r = load / (_POUND / _INCH), np.abs(sliding) / _INCH, np.abs(total) / _INCH
-        return 0.0127 * rough * np.log10(3.17e8 * w / (1e3 * self.viscosity * v_s * v_r**2))
+        return 0.0127 * factor * np.log10(3.17e8 * w / (1e3 * self.viscosity * v_s * v_r**2))
 
 
 Friction = float | BenedictKelley
@@ -234,16 +234,16 @@ class _Path:
         if not isinstance(self.friction, BenedictKelley):
             return np.full(s.shape, self.friction * self.normal)
         pair, p, omega = self.pair, self.pair.base_pitch, self.friction.speed
-        away = np.maximum(np.abs(s - self.pitch), PITCH_REGION) * p
+        distance = np.maximum(np.abs(s - self.pitch), PITCH_REGION) * p
         # at the pitch point both surfaces move with omega_1 r_b1 tan(alpha)
         rolling = 2 * omega * pair.base_radii[0] * math.tan(pair.working_pressure_angle)
         total = rolling + omega * (1 - pair.wheel.sign / pair.ratio) * (s - self.pitch) * p
         force = np.interp(s, self.static.position, self.static.force[0])
         load = np.maximum(force, MIN_LOAD_SHARE * self.mesh.force) * self.normal / pair.face_width
-        found: Array = self.normal * self.friction.coefficient(
-            load, omega * (1 + pair.wheel.sign / pair.ratio) * away, total
+        mu: Array = self.normal * self.friction.coefficient(
+            load, omega * (1 + pair.wheel.sign / pair.ratio) * distance, total
         )
-        return found
+        return mu
 
     def _check(self, mu: Array, friction: BenedictKelley) -> None:
         if mu.min() <= 0:
@@ -261,10 +261,10 @@ class _Path:
         def position(u: Array) -> Array:
             return np.clip(u if flank.side > 0 else mirror - u, 0.0, length)
 
-        at = [self.pitch]
+        kinks = [self.pitch]
         if isinstance(self.friction, BenedictKelley):
-            at += [self.pitch - PITCH_REGION, self.pitch + PITCH_REGION]
-        inner = [u for u in (at if flank.side > 0 else [mirror - s for s in at]) if k.nodes[0] < u < k.length]
+            kinks += [self.pitch - PITCH_REGION, self.pitch + PITCH_REGION]
+        inner = [u for u in (kinks if flank.side > 0 else [mirror - s for s in kinks]) if k.nodes[0] < u < k.length]
         nodes = np.unique(np.concatenate([k.nodes, inner]))
         nodes = nodes[np.diff(nodes, prepend=-np.inf) > 1e-9]
         grids, across, slide = [], [], []
@@ -282,13 +282,13 @@ class _Path:
 
     def static_means(self) -> tuple[float, float]:
         """Return the means of the forces across the line of action and of the torque about the pitch point, over N."""
-        found = np.zeros(2)
+        sums = np.zeros(2)
         driving = [flank for flank in self.mesh.flanks if flank.side > 0]
         for flank, force in zip(driving, self.static.drive[:, 0], strict=True):
             s = np.clip(self.static.position - flank.lag, 0.0, self.pair.contact_ratio)
             across = self.coefficient(s) * np.sign(s - self.pitch) * force
-            found += [across.sum(), ((s - self.pitch) * across).sum() * self.pair.base_pitch / self.pair.base_radii[0]]
-        a, b = (found / (STEPS_PER_MESH * self.mesh.force)).tolist()
+            sums += [across.sum(), ((s - self.pitch) * across).sum() * self.pair.base_pitch / self.pair.base_radii[0]]
+        a, b = (sums / (STEPS_PER_MESH * self.mesh.force)).tolist()
         return a, b
 
 

@@ -116,8 +116,8 @@ class ToothMesh:
 
     def flanks_with_errors(self, meshes: int) -> tuple[Flank, ...]:
         """Return the flanks with the gaps by run-out and by errors of single teeth of a number of pairs."""
-        added = {side: (pair_gaps(self.pair, side, meshes), gap_waves(self.pair, side)) for side in (1, -1)}
-        return tuple(replace(flank, errors=added[flank.side][0], waves=added[flank.side][1]) for flank in self.flanks)
+        errors = {side: (pair_gaps(self.pair, side, meshes), gap_waves(self.pair, side)) for side in (1, -1)}
+        return tuple(replace(flank, errors=errors[flank.side][0], waves=errors[flank.side][1]) for flank in self.flanks)
 
     def contacts(self, length: float) -> MeshContacts:
         """Return the contacts without backlash over a period, in units of a length [m] and of ``stiffness``.
@@ -180,14 +180,14 @@ def _tooth_mesh(pair: GearPair, torque: float, slices: int) -> ToothMesh:
     """Return the contacts; cached, because variants of a model and the mean-mesh models use the same ones."""
     force = pair.transverse_force(torque)
     path = _Path(pair, force, slices)
-    folded = not pair.overlap_ratio and slices > 1 and not pair.misalignment
+    symmetric = not pair.overlap_ratio and slices > 1 and not pair.misalignment
     flanks: list[Flank] = []
-    for number in range((slices + 1) // 2 if folded else slices):
-        twice = 2.0 if folded and 2 * number + 1 < slices else 1.0
-        stiffness, gap = path.slice(number, twice)
+    for number in range((slices + 1) // 2 if symmetric else slices):
+        factor = 2.0 if symmetric and 2 * number + 1 < slices else 1.0
+        stiffness, gap = path.slice(number, factor)
         flanks.append(Flank(1, stiffness, gap, lag=path.lag[number]))
-        back = gap.plus(-2 * pair.misalignment * float(path.z[number]))  # misaligned the other way
-        flanks.append(Flank(-1, stiffness.mirrored(path.centre), back.mirrored(path.centre), lag=path.lag[number]))
+        back_gap = gap.plus(-2 * pair.misalignment * float(path.z[number]))  # misaligned the other way
+        flanks.append(Flank(-1, stiffness.mirrored(path.centre), back_gap.mirrored(path.centre), lag=path.lag[number]))
     path.check_sharing()
     mean = sum(integral(flank.stiffness.rows, np.diff(flank.stiffness.nodes)) for flank in flanks if flank.side > 0)
     return ToothMesh(tuple(flanks), mean, force, pair)
@@ -223,11 +223,11 @@ class _Path:
 
     def check_sharing(self) -> None:
         """Warn if relief leaves less than a part of the contact ratio of spur teeth under the static load."""
-        carried = self.loads.sum(axis=2) > 0
-        ratio = float(np.mean(carried.sum(axis=1)))
+        loaded = self.loads.sum(axis=2) > 0
+        ratio = float(np.mean(loaded.sum(axis=1)))
         if self.pair.overlap_ratio or ratio - 1 >= MIN_SHARED_PART * (self.length - 1):
             return
-        position = (self.phase[:, None] + np.arange(carried.shape[1]))[carried]
+        position = (self.phase[:, None] + np.arange(loaded.shape[1]))[loaded]
         radii = [
             np.hypot(self.pair.path[0] + x * self.pair.base_pitch, self.pair.base_radii[0])
             for x in (position.min(), min(position.max(), self.length))
@@ -241,7 +241,7 @@ class _Path:
     def slice(self, number: int, factor: float) -> tuple[PathFunction, PathFunction]:
         """Return stiffness [N/m] and gap [m] of a slice, the stiffness times a factor."""
         pairs = np.arange(self.loads.shape[1])
-        known = (self.phase[:, None] + pairs - self.lag[number]).T.ravel()
+        phases = (self.phase[:, None] + pairs - self.lag[number]).T.ravel()
         load = self.loads[:, :, number].T.ravel()
         cuts = self._cuts()
         nodes, stiffness, gap = [], [], []
@@ -249,7 +249,7 @@ class _Path:
             u = np.linspace(a, b, SECTION_POINTS)
             within = np.clip(u, a + ONE_SIDED, b - ONE_SIDED)
             nodes.append(u)
-            stiffness.append(factor * self._stiffness_at(within, number, np.interp(within, known, load)))
+            stiffness.append(factor * self._stiffness_at(within, number, np.interp(within, phases, load)))
             gap.append(self._contacts_at(u, number)[0].gap[:, 0])
         largest = max(float(k.max()) for k in stiffness)
         return (
@@ -275,13 +275,13 @@ class _Path:
         h = self.half_width
         first, last = np.clip(u - h, 0.0, self.length), np.clip(u + h, 0.0, self.length)
         part = (last - first) / (2 * h) if h else np.ones_like(u)
-        across = np.full((len(u), 1), self.z[number])
-        return contacts_at(self.pair, first[:, None], last[:, None], across, part[:, None], self.slices), part
+        z = np.full((len(u), 1), self.z[number])
+        return contacts_at(self.pair, first[:, None], last[:, None], z, part[:, None], self.slices), part
 
     def _stiffness_at(self, u: Array, number: int, load: Array) -> Array:
         """Return the stiffness [N/m] of a slice at positions under loads [N]."""
         c, part = self._contacts_at(u, number)
-        least = MIN_LOAD_SHARE * self.force / self.slices * part
-        contact = contact_compliance(self.pair, c, np.maximum(load, least)[:, None])[0]
+        min_load = MIN_LOAD_SHARE * self.force / self.slices * part
+        contact = contact_compliance(self.pair, c, np.maximum(load, min_load)[:, None])[0]
         k: Array = np.where(part > 0, 1 / (c.teeth + contact)[:, 0], 0.0)
         return k

@@ -150,10 +150,10 @@ class DoubleHelicalPair(DoubleHelicalGeometry):  # numpydoc ignore=PR02
             c_shaft = (
                 2 * self.zeta * np.sqrt(k_shaft * inertia / 2)
             )  # two halves vibrate against each other: half the mass
-            for one, other in ((first, first + 12), (first + 12, first)):
-                rows, across = np.arange(one, one + 6), np.arange(other, other + 6)
+            for node, opposite in ((first, first + 12), (first + 12, first)):
+                rows, columns = np.arange(node, node + 6), np.arange(opposite, opposite + 6)
                 M[rows, rows], C[rows, rows], K[rows, rows] = inertia, c + c_shaft, k + k_shaft
-                C[rows, across], K[rows, across] = -c_shaft, -k_shaft
+                C[rows, columns], K[rows, columns] = -c_shaft, -k_shaft
         return M, C, K
 
     @property

@@ -156,19 +156,19 @@ class DrawnPair(Model):  # numpydoc ignore=PR02
     units: tuple[float, ...] = ()
     friction: Any = 0.0
 
-    ranges: ClassVar[Mapping[str, Range]] = {name: one.allowed for name, one in PARAMETERS.items()}
+    ranges: ClassVar[Mapping[str, Range]] = {name: parameter.allowed for name, parameter in PARAMETERS.items()}
 
     def __post_init__(self) -> None:
-        orders = checked_orders("DrawnPair", [tuple(one) for one in self.torque_orders] if isinstance(
+        orders = checked_orders("DrawnPair", [tuple(row) for row in self.torque_orders] if isinstance(
             self.torque_orders, list | tuple) else self.torque_orders)  # fmt: skip
         object.__setattr__(self, "torque_orders", orders)
         object.__setattr__(self, "friction", checked_friction("DrawnPair", self.friction))
         super().__post_init__()
         if not self.units:
-            own = self._built(None)
-            assert own.scales is not None
-            object.__setattr__(self, "units", (own.scales.frequency, own.scales.length))
-            vars(self)["equations"] = own
+            equations = self._built(None)
+            assert equations.scales is not None
+            object.__setattr__(self, "units", (equations.scales.frequency, equations.scales.length))
+            vars(self)["equations"] = equations
 
     def _built(self, units: tuple[float, float] | None) -> Model:
         supports: Any = self.supports or None
@@ -195,8 +195,8 @@ class DrawnPair(Model):  # numpydoc ignore=PR02
     @property
     def labels(self) -> Mapping[str, str]:  # type: ignore[override]
         """Labels of Omega and the amplitude, and of the parameters with their units."""
-        own = {name: self.equations.labels[name] for name in ("Omega", "amplitude") if name in self.equations.labels}
-        return own | {name: PARAMETERS[name].full_label for name in self.parameters}
+        labels = {name: self.equations.labels[name] for name in ("Omega", "amplitude") if name in self.equations.labels}
+        return labels | {name: PARAMETERS[name].full_label for name in self.parameters}
 
     @property
     def default_span(self) -> tuple[float, float]:  # type: ignore[override]
@@ -235,25 +235,25 @@ class DrawnPair(Model):  # numpydoc ignore=PR02
 
     def _values(self) -> list[tuple[str, float]]:
         """Return the parameters that this pair has, in SI units."""
-        found = []
-        for name, one in PARAMETERS.items():
-            values = [getattr(thing, field) for thing, field in map(self._place, one.places) if thing is not None]
-            is_one = len(values) == len(one.places) and None not in values and len(set(values)) == 1
+        named_values = []
+        for name, x in PARAMETERS.items():
+            values = [getattr(owner, field) for owner, field in map(self._owner_of, x.places) if owner is not None]
+            is_one = len(values) == len(x.places) and None not in values and len(set(values)) == 1
             if name == "friction" and not (isinstance(self.friction, float) and self.friction > 0):
                 continue
             if name.startswith("runout") and not values[0]:  # the period changes with the first run-out
                 continue
             if is_one and (self.cycle is None or name not in _MESH):
-                found.append((name, float(values[0])))
-        same = any(name == "tip_relief" for name, _ in found)
-        return [(name, x) for name, x in found if not (same and name.startswith("tip_relief_"))]
+                named_values.append((name, float(values[0])))
+        equal_reliefs = any(name == "tip_relief" for name, _ in named_values)
+        return [(name, x) for name, x in named_values if not (equal_reliefs and name.startswith("tip_relief_"))]
 
-    def _place(self, place: tuple[str, str]) -> tuple[Any, str]:
+    def _owner_of(self, location: tuple[str, str]) -> tuple[Any, str]:
         """Return the object that has a field, and the name of the field; None if there is no such object."""
-        where, field = place
-        if where.startswith("support"):
-            return (self.supports[int(where[-1])] if self.supports else None), field
-        return {"": self, "pair": self.pair, "pinion": self.pair.pinion, "wheel": self.pair.wheel}[where], field
+        owner, field = location
+        if owner.startswith("support"):
+            return (self.supports[int(owner[-1])] if self.supports else None), field
+        return {"": self, "pair": self.pair, "pinion": self.pair.pinion, "wheel": self.pair.wheel}[owner], field
 
     @property
     def entries(self) -> dict[str, float]:
@@ -278,29 +278,29 @@ class DrawnPair(Model):  # numpydoc ignore=PR02
         KeyError
             If there is no such parameter.
         """
-        known = (
+        names = (
             {*self._parameters, "tip_relief_pinion", "tip_relief_wheel"} if self.cycle is None else {*self._parameters}
         )
-        own = self._parameters
-        drawn = {name: changes.pop(name) for name in [*changes] if name in known}
-        drawn = {name: value for name, value in drawn.items() if value != own.get(name)}
-        if not drawn and not changes:
+        present = self._parameters
+        changed = {name: changes.pop(name) for name in [*changes] if name in names}
+        changed = {name: value for name, value in changed.items() if value != present.get(name)}
+        if not changed and not changes:
             return self
         fields = {field.name for field in dataclasses.fields(self)}
         for name in changes:
             if name not in fields:
                 raise KeyError(f"the gear pair has no parameter '{name}'{did_you_mean(name, self.parameters)}")
-        parts: dict[str, dict[str, Any]] = {"pair": {}, "pinion": {}, "wheel": {}, "support 0": {}, "support 1": {}}
-        for name, value in drawn.items():
-            one = PARAMETERS[name]
-            for where, field in one.places:
-                (parts[where] if where else changes)[field] = _rounded(float(value) / one.scale)
+        by_owner: dict[str, dict[str, Any]] = {"pair": {}, "pinion": {}, "wheel": {}, "support 0": {}, "support 1": {}}
+        for name, value in changed.items():
+            parameter = PARAMETERS[name]
+            for owner, field in parameter.places:
+                (by_owner[owner] if owner else changes)[field] = _rounded(float(value) / parameter.scale)
         pair = changes.pop("pair", self.pair)
-        gears = {gear: dataclasses.replace(getattr(pair, gear), **parts[gear]) for gear in GEARS if parts[gear]}
-        pair = dataclasses.replace(pair, **gears, **parts["pair"]) if gears or parts["pair"] else pair
+        gears = {gear: dataclasses.replace(getattr(pair, gear), **by_owner[gear]) for gear in GEARS if by_owner[gear]}
+        pair = dataclasses.replace(pair, **gears, **by_owner["pair"]) if gears or by_owner["pair"] else pair
         supports = tuple(
-            dataclasses.replace(one, **parts[f"support {i}"])
-            for i, one in enumerate(changes.pop("supports", self.supports))
+            dataclasses.replace(support, **by_owner[f"support {i}"])
+            for i, support in enumerate(changes.pop("supports", self.supports))
         )
         return dataclasses.replace(self, pair=pair, supports=supports, **changes)
 

@@ -250,8 +250,8 @@ class HelicalPair(MeshExcitation):  # numpydoc ignore=PR02
         """Return M, C, K (12, 12) without the mesh, in SI units (force rows N, moment rows N m)."""
         M, C, K = [], [], []
         for g in "pg":
-            m, polar, across = (getattr(self, f"{name}_{g}") for name in "mID")
-            inertia = np.array([m, m, m, across, across, polar])
+            m, polar, transverse = (getattr(self, f"{name}_{g}") for name in "mID")
+            inertia = np.array([m, m, m, transverse, transverse, polar])
             radial, axial, tilt = (getattr(self, f"k_{g}{end}") for end in ("", "z", "t"))
             stiffness = np.array([radial, radial, axial, tilt, tilt, 0.0])
             M.append(inertia)
@@ -283,15 +283,15 @@ class HelicalPair(MeshExcitation):  # numpydoc ignore=PR02
     def _tangent(self, angle: float) -> Array:
         """Return the unit vector at an angle from the normal of the driving flank, minus 90 degrees."""
         phi, turn = radians(self.phi_deg), angle - radians(self.alpha_deg)
-        ahead, across = np.array([cos(phi), sin(phi), 0.0]), np.array([-sin(phi), cos(phi), 0.0])
-        return cos(turn) * ahead + sin(turn) * across
+        e_phi, e_normal = np.array([cos(phi), sin(phi), 0.0]), np.array([-sin(phi), cos(phi), 0.0])
+        return cos(turn) * e_phi + sin(turn) * e_normal
 
     def _at_pitch_point(self, n: Array) -> Array:
         """Return the displacement of the pinion relative to the wheel at the pitch point along a vector (3,)."""
         alpha, phi = radians(self.alpha_deg), radians(self.phi_deg)
-        ahead = np.array([cos(phi), sin(phi), 0.0])
-        to_pinion = self.r_p / cos(alpha) * ahead
-        to_wheel = (1 if self.internal else -1) * self.r_g / cos(alpha) * ahead
+        e_phi = np.array([cos(phi), sin(phi), 0.0])
+        to_pinion = self.r_p / cos(alpha) * e_phi
+        to_wheel = (1 if self.internal else -1) * self.r_g / cos(alpha) * e_phi
         return np.concatenate([n, np.cross(to_pinion, n), -n, -np.cross(to_wheel, n)])
 
     def torques(self) -> Array:
@@ -321,10 +321,10 @@ class HelicalPair(MeshExcitation):  # numpydoc ignore=PR02
         elements, load = [gap], self.torques()
         fluctuating = self.r_p * np.eye(12)[5]
         if isinstance(gap.law, MeshContacts) and gap.law.sliding is not None:
-            acts = S * _without_rotation(self.friction_vectors(), self.mesh_vector(), M)
-            moved = (gap.displacement, Series(), Series())
+            friction = S * _without_rotation(self.friction_vectors(), self.mesh_vector(), M)
+            displacements = (gap.displacement, Series(), Series())
             law = SlidingTeeth(gap.law)
-            elements += VectorElement([gap.direction, *acts], law, name="friction", displacements=moved)
+            elements += VectorElement([gap.direction, *friction], law, name="friction", displacements=displacements)
             load, fluctuating = _without_rotation(np.array([load, fluctuating]), self.mesh_vector(), M)
         return System(
             M=SS * M / m_c,

@@ -139,34 +139,34 @@ def build_model(
     # the mesh of pairs that differ in backlash is computed once
     shape = pair if pair.center_distance is not None else replace(pair, backlash=None)
     side = 1 if torque >= 0 else -1
-    found = mesh_model("GearPair.model", shape, effective_torque(torque, orders), mesh, cycle, friction, side)
-    k_unit, length = found.k_mean, b_c
+    mesh_data = mesh_model("GearPair.model", shape, effective_torque(torque, orders), mesh, cycle, friction, side)
+    k_unit, length = mesh_data.k_mean, b_c
     if units is not None:
         k_unit, length = pair.equivalent_mass * units[0] ** 2, units[1]
-    zeta *= sqrt(found.k_0 / k_unit)
-    fields = _fields(found if torque >= 0 else _on_back_flanks(found, pair), found.k_mean / k_unit, length)
+    zeta *= sqrt(mesh_data.k_0 / k_unit)
+    fields = _fields(mesh_data if torque >= 0 else _on_back_flanks(mesh_data, pair), mesh_data.k_mean / k_unit, length)
     fields["b"] = b_c / length
-    meshes = 1 if found.contacts is None else found.contacts.meshes
+    meshes = 1 if mesh_data.contacts is None else mesh_data.contacts.meshes
     varying = _fluctuation(pair, orders, meshes, k_unit * length, form)
-    given = _Mesh(k_unit, length, found.load, found.output, fields | varying)
+    scaled_mesh = _Mesh(k_unit, length, mesh_data.load, mesh_data.output, fields | varying)
     if form == "torsion":
         if supports is not None:
             raise ValueError("GearPair.model: the form 'torsion' has no supports; give form='bearings' or 'spatial'")
-        return _torsion(pair, torque, zeta, given)
-    if supports is None or len(supports) != 2 or not all(isinstance(one, Support) for one in supports):
+        return _torsion(pair, torque, zeta, scaled_mesh)
+    if supports is None or len(supports) != 2 or not all(isinstance(support, Support) for support in supports):
         raise ValueError(_NO_SUPPORTS.format(form=form, more=_SPATIAL_KEYS if form == "spatial" else ""))
     if form == "bearings":
-        return _bearings(pair, torque, zeta, given, supports)
-    return _spatial(pair, torque, zeta, given, supports, to_si("GearPair.model", "direction", direction, "rad"))
+        return _bearings(pair, torque, zeta, scaled_mesh, supports)
+    return _spatial(pair, torque, zeta, scaled_mesh, supports, to_si("GearPair.model", "direction", direction, "rad"))
 
 
 def _on_back_flanks(mesh: MeshModel, pair: GearPair) -> MeshModel:
     """Return a mean mesh whose loaded flanks are the back flanks; contacts have both flanks."""
     if mesh.stiffness is None:
         return mesh
-    twice = 4 * pi * tooth_centre(pair)
-    error = None if mesh.error is None else mesh.error.reversed().shifted(twice).scaled(-1.0)
-    return mesh._replace(stiffness=mesh.stiffness.reversed().shifted(twice), error=error)
+    shift = 4 * pi * tooth_centre(pair)
+    error = None if mesh.error is None else mesh.error.reversed().shifted(shift).scaled(-1.0)
+    return mesh._replace(stiffness=mesh.stiffness.reversed().shifted(shift), error=error)
 
 
 def _fluctuation(pair: GearPair, orders: TorqueOrders, meshes: int, force: float, form: str) -> dict[str, Any]:
@@ -176,17 +176,17 @@ def _fluctuation(pair: GearPair, orders: TorqueOrders, meshes: int, force: float
     """
     if not orders:
         return {"mesh_order": meshes} if meshes > 1 else {}
-    exact = [exact_order("GearPair.model", order) / pair.pinion.teeth for order, _, _ in orders]
-    common = Fraction(1, meshes)
-    for one in exact:
-        common = common_divisor(common, one)
+    fractions = [exact_order("GearPair.model", order) / pair.pinion.teeth for order, _, _ in orders]
+    base = Fraction(1, meshes)
+    for fraction in fractions:
+        base = common_divisor(base, fraction)
     radius = pair.base_radii[0]
-    share = 1.0 if form == "spatial" else pair.equivalent_mass * radius**2 / pair.pinion.inertia_used
-    row = np.zeros((2, max(int(one / common) for one in exact)))
-    for one, (_, amplitude, phase) in zip(exact, orders, strict=True):
-        size = share * amplitude / (radius * force)
-        row[:, int(one / common) - 1] = size * cos(phase), -size * sin(phase)
-    return {"mesh_order": int(1 / common), "fluctuation": Series(0.0, tuple(row[0]), tuple(row[1]))}
+    inertia_ratio = 1.0 if form == "spatial" else pair.equivalent_mass * radius**2 / pair.pinion.inertia_used
+    row = np.zeros((2, max(int(fraction / base) for fraction in fractions)))
+    for fraction, (_, amplitude, phase) in zip(fractions, orders, strict=True):
+        size = inertia_ratio * amplitude / (radius * force)
+        row[:, int(fraction / base) - 1] = size * cos(phase), -size * sin(phase)
+    return {"mesh_order": int(1 / base), "fluctuation": Series(0.0, tuple(row[0]), tuple(row[1]))}
 
 
 def _fields(mesh: MeshModel, stiffness: float, length: float) -> dict[str, Any]:

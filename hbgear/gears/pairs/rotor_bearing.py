@@ -191,8 +191,8 @@ class GearRotorBearing(MeshExcitation):  # numpydoc ignore=PR02
             return ()
         turn, sliding = np.array([0.0, 0.0, 1.0]), gap.law.sliding
         directions = [np.asarray(gap.direction), sliding.lever * turn, sliding.lever_slope * turn]
-        moved = (gap.displacement, Series(), Series())
-        return VectorElement(directions, SlidingTeeth(gap.law), name="friction", displacements=moved)
+        displacements = (gap.displacement, Series(), Series())
+        return VectorElement(directions, SlidingTeeth(gap.law), name="friction", displacements=displacements)
 
     def system(self) -> System:
         """Return the equations of motion in y_1, y_2, x; the elements are "gap", "bearing 1" and "bearing 2".

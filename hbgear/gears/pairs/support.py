@@ -71,7 +71,7 @@ def reactions(gears: Sequence[str], stiffness: Array, damping: Array) -> dict[st
     forces = {}
     for i, name in enumerate(gears):
         for direction, axes in (("radial", [0, 1]), ("axial", [2])):
-            at = [6 * i + axis for axis in axes]
-            if stiffness[at].any():
-                forces[f"{name} {direction}"] = Reaction(*(matrix[at] for matrix in matrices))
+            rows = [6 * i + axis for axis in axes]
+            if stiffness[rows].any():
+                forces[f"{name} {direction}"] = Reaction(*(matrix[rows] for matrix in matrices))
     return forces

@@ -96,30 +96,30 @@ class EpicyclicSet(EpicyclicLayout):  # numpydoc ignore=PR02
     @cached_property
     def _coordinates(self) -> dict[str, tuple[tuple[str, ...], float]]:
         """Gears that turn together, and the radius of the unit of rotation, by the name of the coordinate."""
-        found: dict[str, tuple[tuple[str, ...], float]] = {
-            name: ((name,), self._given[name].base_radius) for name in self._central if name != self.fixed
+        coordinates: dict[str, tuple[tuple[str, ...], float]] = {
+            name: ((name,), self._by_name[name].base_radius) for name in self._central if name != self.fixed
         }
         bodies = [*self.bodies, *((name,) for name in self._planet_gears if all(name not in b for b in self.bodies))]
         for n in range(self.planets):
             for body in bodies:
                 gears = tuple(f"{name}{n + 1}" for name in body)
-                found["-".join(gears)] = gears, self._given[body[0]].base_radius
+                coordinates["-".join(gears)] = gears, self._by_name[body[0]].base_radius
         if self.fixed != CARRIER:
-            found[CARRIER] = (), max(hypot(wheel.x, wheel.y) for wheel in self.wheels)
-        return found
+            coordinates[CARRIER] = (), max(hypot(wheel.x, wheel.y) for wheel in self.wheels)
+        return coordinates
 
     def structure(self) -> tuple[Array, Array]:
         """Return the inertias (n,) [kg m^2] of the coordinates and the directions (n, m) of the gaps [m/rad]."""
         train = self.train
-        at = {wheel.name: i for i, wheel in enumerate(train.wheels)}
+        index = {wheel.name: i for i, wheel in enumerate(train.wheels)}
         inertia = np.array([wheel.inertia for wheel in train.wheels])
         orbit = sum(wheel.mass * (wheel.x**2 + wheel.y**2) for wheel in train.wheels)
         W = train.mesh_vectors()
         rows, J = [], []
         for name, (gears, _) in self._coordinates.items():
-            some = [at[gear] for gear in gears]
-            rows.append(W[some].sum(axis=0) if name != CARRIER else -W.sum(axis=0))
-            J.append(inertia[some].sum() if name != CARRIER else self.carrier_inertia + orbit)
+            members = [index[gear] for gear in gears]
+            rows.append(W[members].sum(axis=0) if name != CARRIER else -W.sum(axis=0))
+            J.append(inertia[members].sum() if name != CARRIER else self.carrier_inertia + orbit)
         return np.array(J), np.array(rows)
 
     @property
@@ -128,8 +128,8 @@ class EpicyclicSet(EpicyclicLayout):  # numpydoc ignore=PR02
         J, W = self.structure()
         k = np.array([mesh.k_mean for mesh in self.train.meshes])
         square = scipy.linalg.eigh((W * k) @ W.T, np.diag(J), eigvals_only=True)
-        found: Array = np.sqrt(np.where(square > ZERO_SQUARE * square.max(), square, 0.0)) / (2 * pi)
-        return found
+        frequencies: Array = np.sqrt(np.where(square > ZERO_SQUARE * square.max(), square, 0.0)) / (2 * pi)
+        return frequencies
 
     def system(self) -> System:
         """Return the dimensionless equations of motion with one element for each mesh, in the units of the train."""
@@ -151,11 +151,11 @@ class EpicyclicSet(EpicyclicLayout):  # numpydoc ignore=PR02
     def _fluctuations(self, scale: Array) -> list[Load]:
         """Return the loads T cos(order theta + phase) of the driver, theta its angle since tau = 0."""
         unit = scale * np.array([float(name == self.driver) for name in self._coordinates]) * self.fluctuation_scale
-        found = []
+        loads = []
         for order, amplitude, phase in self.torque_orders if self.fluctuation_scale else ():
             multiple = int(exact_order("EpicyclicSet", order) / self._mesh_speed * self.common_order)
-            found.append(order_load(multiple, amplitude, phase, unit))
-        return found
+            loads.append(order_load(multiple, amplitude, phase, unit))
+        return loads
 
 
 def in_common_period(element: Element, times: int) -> Element:

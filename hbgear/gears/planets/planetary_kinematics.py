@@ -63,9 +63,9 @@ class PlanetaryKinematics:
         z = {"sun": Fraction(self.teeth_s), "ring": Fraction(self.teeth_r)}
         z["carrier"] = -z["sun"] - z["ring"]  # z_s w_s + z_r w_r = (z_s + z_r) w_c
         third = next(name for name in MEMBERS if name not in (self.fixed, self.driver))
-        own = {self.driver: Fraction(1), self.fixed: Fraction(0), third: -z[self.driver] / z[third]}
-        sense = -1 if self.driver == "carrier" else 1  # the torques on the sun and on the ring are positive
-        return {name: sense * own[name] for name in MEMBERS}
+        speeds = {self.driver: Fraction(1), self.fixed: Fraction(0), third: -z[self.driver] / z[third]}
+        sign = -1 if self.driver == "carrier" else 1  # the torques on the sun and on the ring are positive
+        return {name: sign * speeds[name] for name in MEMBERS}
 
     @property
     def mesh_speed(self) -> Fraction:
@@ -113,7 +113,7 @@ class PlanetaryKinematics:
         psi = np.array(self.angles)
         sums = {"torque": [np.ones(self.planets)], "force": [np.exp(1j * psi), np.exp(-1j * psi)]}
         limit = RESULTANT_TOLERANCE * self.planets
-        return tuple(name for name, each in sums.items() if max(abs(waves @ one) for one in each) > limit)
+        return tuple(name for name, vectors in sums.items() if max(abs(waves @ v) for v in vectors) > limit)
 
     # ---- assembly
 
@@ -136,16 +136,16 @@ class PlanetaryKinematics:
         gaps = np.diff(np.append(psi, psi[0] + 2 * pi))
         size = (self.teeth_p + 2) / (self.teeth_s + self.teeth_p)  # tip diameter over twice the centre distance
         if self.planets > 1 and np.sin(np.minimum(gaps, pi) / 2).min() <= size:
-            worst = float(np.degrees(gaps.min()))
+            angle = float(np.degrees(gaps.min()))
             raise ValueError(
-                f"PlanetarySet: planets {worst:.4g} degrees apart collide; with {self.teeth_p} teeth on a circle of "
+                f"PlanetarySet: planets {angle:.4g} degrees apart collide; with {self.teeth_p} teeth on a circle of "
                 f"{self.teeth_s + self.teeth_p} they need more than {np.degrees(2 * np.arcsin(min(size, 1.0))):.4g}"
             )
         tooth_sum = self.teeth_s + self.teeth_r
         steps = tooth_sum * (np.asarray(self.angles) - self.angles[0]) / (2 * pi)
-        wrong = np.abs(steps - np.round(steps))
-        if wrong.max() > 1e-3:
-            n = int(np.argmax(wrong))
+        deviations = np.abs(steps - np.round(steps))
+        if deviations.max() > 1e-3:
+            n = int(np.argmax(deviations))
             nearest = np.degrees(self.angles[0] + 2 * pi * np.round(steps[n]) / tooth_sum)
             raise ValueError(
                 f"PlanetarySet: planet {n + 1} cannot be assembled at {np.degrees(self.angles[n]):.6g} degrees: the "

@@ -145,10 +145,10 @@ class PlanetaryLayout(Model):
             raise ValueError(f"PlanetarySet: the {self.fixed} cannot drive and be fixed; name another driver")
         check("PlanetarySet", "carrier_rotation", self.carrier_rotation, bool)
         for name in ("spacing", "planet_errors"):
-            given = getattr(self, name)
-            if given and len(given) != self.planets:
+            values = getattr(self, name)
+            if values and len(values) != self.planets:
                 raise ValueError(
-                    f"PlanetarySet: {name} has {len(given)} entries; need {self.planets}, one for each planet"
+                    f"PlanetarySet: {name} has {len(values)} entries; need {self.planets}, one for each planet"
                 )
         self.kinematics.check()
 

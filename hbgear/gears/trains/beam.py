@@ -102,8 +102,8 @@ class Beam:  # numpydoc ignore=PR02
     def shear_coefficient(self) -> float:
         """Shear coefficient kappa of a solid or hollow round section (Cowper 1966)."""
         nu, m2 = self.poisson, (self.inner / self.outer) ** 2
-        whole = (1 + m2) ** 2
-        return 6 * (1 + nu) * whole / ((7 + 6 * nu) * whole + (20 + 12 * nu) * m2)
+        p = (1 + m2) ** 2
+        return 6 * (1 + nu) * p / ((7 + 6 * nu) * p + (20 + 12 * nu) * m2)
 
     @property
     def mass(self) -> float:
@@ -132,11 +132,11 @@ class Beam:  # numpydoc ignore=PR02
 
         G is multiplied by the speed of the shaft, counter-clockwise positive.
         """
-        own = self._element(self._length / self.elements)
-        whole = np.zeros((3, *[6 * (self.elements + 1)] * 2))
+        element = self._element(self._length / self.elements)
+        total = np.zeros((3, *[6 * (self.elements + 1)] * 2))
         for i in range(self.elements):
-            whole[:, 6 * i : 6 * i + 12, 6 * i : 6 * i + 12] += own
-        return whole[0], whole[1], whole[2]
+            total[:, 6 * i : 6 * i + 12, 6 * i : 6 * i + 12] += element
+        return total[0], total[1], total[2]
 
     def dampers(self, first: Array, second: Array) -> Array:
         """Return the damping matrix 2 damping M (M^-1 K)^(1/2) of all nodes.
@@ -160,19 +160,19 @@ class Beam:  # numpydoc ignore=PR02
         stiff = E * I * (dP * weights) @ dP.T + shear * ((dN - P) * weights) @ (dN - P).T
         out = np.zeros((3, 12, 12))
         planes = []
-        for (w, one), (phi, other) in BENDING_PLANES:
-            at, signs = np.array([w, phi, 6 + w, 6 + phi]), np.array([one, other, one, other])
-            planes.append((at, signs))
-            for which, matrix in enumerate((mass, stiff)):
-                out[which][np.ix_(at, at)] += np.outer(signs, signs) * matrix
+        for (w, sign_w), (phi, sign_phi) in BENDING_PLANES:
+            indices, signs = np.array([w, phi, 6 + w, 6 + phi]), np.array([sign_w, sign_phi, sign_w, sign_phi])
+            planes.append((indices, signs))
+            for i, matrix in enumerate((mass, stiff)):
+                out[i][np.ix_(indices, indices)] += np.outer(signs, signs) * matrix
         (x, signs_x), (y, signs_y) = planes
         out[2][np.ix_(x, y)] = 2 * np.outer(signs_x, signs_y) * rotary
         out[2][np.ix_(y, x)] = -out[2][np.ix_(x, y)].T
         even, linear = np.array([[1.0, -1.0], [-1.0, 1.0]]), np.array([[2.0, 1.0], [1.0, 2.0]]) / 6
         for axis, inertia, spring in ((2, A, E * A), (5, 2 * I, 2 * G * I)):
-            at = np.array([axis, 6 + axis])
-            out[0][np.ix_(at, at)] = self.density * inertia * L * linear
-            out[1][np.ix_(at, at)] = spring / L * even
+            indices = np.array([axis, 6 + axis])
+            out[0][np.ix_(indices, indices)] = self.density * inertia * L * linear
+            out[1][np.ix_(indices, indices)] = spring / L * even
         return out
 
 

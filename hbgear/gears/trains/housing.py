@@ -74,7 +74,7 @@ class Housing:  # numpydoc ignore=PR02
         set_(self, "names", tuple(self.names) or tuple(f"h{i + 1}" for i in range(self.n)))
         if len(self.names) != self.n:
             raise ValueError(f"Housing: {len(self.names)} names for {self.n} coordinates; need one for each")
-        if not isinstance(self.seats, Mapping) or not all(isinstance(each, Mapping) for each in self.seats.values()):
+        if not isinstance(self.seats, Mapping) or not all(isinstance(x, Mapping) for x in self.seats.values()):
             raise ValueError(
                 f"Housing: seats = {quoted(self.seats)} must be a dict such as {{'pinion': {{'x': 'h1'}}}}"
             )
@@ -98,4 +98,4 @@ class Housing:  # numpydoc ignore=PR02
     def seat(self, wheel: str, axis: int) -> Array:
         """Return the vector (h,) with 1 at the coordinate that supports a bearing of a wheel in a direction, else 0."""
         name = self.seats.get(wheel, {}).get(AXES[axis]) if axis < len(SEAT_DIRECTIONS) else None
-        return np.array([float(own == name) for own in self.names])
+        return np.array([float(coordinate == name) for coordinate in self.names])

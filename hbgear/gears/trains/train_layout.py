@@ -71,10 +71,10 @@ class TrainLayout(Model):
     def __post_init__(self) -> None:
         lists = {"wheels": Wheel, "meshes": Mesh, "shafts": Shaft, "bearings": Bearing, "beams": Beam}
         for name, kind in lists.items():
-            given = getattr(self, name)
-            if not isinstance(given, tuple | list) or not all(isinstance(one, kind) for one in given):
-                raise ValueError(f"Train: {name} = {quoted(given)} must be a list of {kind.__name__}(...)")
-            object.__setattr__(self, name, tuple(given))
+            items = getattr(self, name)
+            if not isinstance(items, tuple | list) or not all(isinstance(item, kind) for item in items):
+                raise ValueError(f"Train: {name} = {quoted(items)} must be a list of {kind.__name__}(...)")
+            object.__setattr__(self, name, tuple(items))
         super().__post_init__()
         check("Train", "gyroscopic", self.gyroscopic, bool)
         check("Train", "housing", self.housing, Housing | None)
@@ -205,9 +205,9 @@ class TrainLayout(Model):
     @property
     def orders(self) -> dict[str, float]:
         """Frequencies over Omega of every mesh and of every wheel that turns."""
-        found = self._kinematics
-        meshes = {mesh.name: float(order) for mesh, order in zip(self.meshes, found.orders, strict=True)}
-        return meshes | {name: abs(float(speed / found.ratio)) for name, speed in found.speeds.items() if speed}
+        motion = self._kinematics
+        meshes = {mesh.name: float(order) for mesh, order in zip(self.meshes, motion.orders, strict=True)}
+        return meshes | {name: abs(float(speed / motion.ratio)) for name, speed in motion.speeds.items() if speed}
 
     @property
     def sharing(self) -> list[str]:
