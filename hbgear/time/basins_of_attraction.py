@@ -197,25 +197,25 @@ def basins(
     count = counted("shape[0]", shape[0]) * counted("shape[1]", shape[1])
     counted("shape[0] * shape[1]", count, _MAX_STARTS)
     system = model.system()
-    which = _element(model, system, element, plane)
+    index = _element(model, system, element, plane)
     check_model(model, system)
     integrator = ExponentialIntegrator(model, Omega)
     check_frequency(integrator.structures[0], float(Omega))
-    origin, directions = _plane(integrator, system, Omega, which, start, plane)
+    origin, directions = _plane(integrator, system, Omega, index, start, plane)
     x, y = np.linspace(*d, shape[0]), np.linspace(*v, shape[1])
     multiples = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     motions = integrator.start(origin + multiples @ directions)
-    found = _Found(integrator, settling, which, integrator.modal(np.vstack([origin, directions])))
+    search = _Search(integrator, settling, index, integrator.modal(np.vstack([origin, directions])))
     label, ending = np.full(count, -1), Termination(message="all starts were integrated")
     try:
-        _follow(found, motions, label, progress)
+        _follow(search, motions, label, progress)
     except (Exception, KeyboardInterrupt) as error:
-        done = np.count_nonzero(label >= 0)
-        if not done:
+        settled_count = np.count_nonzero(label >= 0)
+        if not settled_count:
             raise
-        ending.record_error(error, f"after {done} of {count} motions had settled")
-    name = "" if which is None else system.elements[which].name or f"element {which}"
-    label, attractors = found.ranked(label)
+        ending.record_error(error, f"after {settled_count} of {count} motions had settled")
+    name = "" if index is None else system.elements[index].name or f"element {index}"
+    label, attractors = search.ranked(label)
     return Basins(
         float(Omega),
         x,
@@ -231,7 +231,7 @@ def basins(
 
 def _element(model: Model, system: System, element: int | str | None, plane: ArrayLike | None) -> int | None:
     """Return the index of the element of the plane; None for a plane of two given directions."""
-    names = [each.name for each in system.elements]
+    names = [e.name for e in system.elements]
     if plane is not None:
         if element is not None:
             raise ValueError(
@@ -247,29 +247,29 @@ def _element(model: Model, system: System, element: int | str | None, plane: Arr
 
 
 def _plane(
-    integrator: ExponentialIntegrator, system: System, Omega: float, which: int | None, start: Any, plane: Any
+    integrator: ExponentialIntegrator, system: System, Omega: float, index: int | None, start: Any, plane: Any
 ) -> tuple[Array, Array]:
     """Return a state (2n,) and directions (2, 2n) of the plane of the starts."""
     n = system.n
-    through = np.zeros(2 * n) if start is None else real_numbers("basins: start", start, "a state (q, q')")
-    if through.shape != (2 * n,) or not np.all(np.isfinite(through)):
+    center = np.zeros(2 * n) if start is None else real_numbers("basins: start", start, "a state (q, q')")
+    if center.shape != (2 * n,) or not np.all(np.isfinite(center)):
         raise ValueError(f"start = {start}: give a state (q, q') of {2 * n} finite numbers")
-    if which is None:
+    if index is None:
         directions = real_numbers("basins: plane", plane, "two directions of state space")
         if directions.shape != (2, 2 * n) or not np.all(np.isfinite(directions)):
             raise ValueError(f"plane of shape {directions.shape}: give two directions (2, {2 * n}) of finite numbers")
         if np.linalg.matrix_rank(integrator.modal(directions)) < 2:
             raise ValueError("the directions of the plane must be linearly independent, and must not be free motions")
-        return through, directions
-    element, w = system.elements[which], system.W[:, which]
+        return center, directions
+    element, w = system.elements[index], system.W[:, index]
     M, e = integrator.structures[0].M, element.displacement
     basis = mass_basis(M)
     a = basis @ np.linalg.lstsq(basis @ M @ basis, basis @ w, rcond=_MASSLESS_RATIO)[0]  # M may be singular
     a /= w @ a
-    here = w @ through[:n] - float(e(0.0)), w @ through[n:] - Omega * float(e(0.0, 1))
+    coordinates = w @ center[:n] - float(e(0.0)), w @ center[n:] - Omega * float(e(0.0, 1))
     directions = np.zeros((2, 2 * n))
     directions[0, :n], directions[1, n:] = a, a
-    return through - np.asarray(here) @ directions, directions
+    return center - np.asarray(coordinates) @ directions, directions
 
 
 _MASSLESS_RATIO = 1e-13
@@ -277,16 +277,16 @@ _MASSLESS_RATIO = 1e-13
 
 
 @dataclass(eq=False)
-class _Found:
+class _Search:
     """Attractors found so far.
 
-    which: index of the element of the plane. plane: modal states (3, 2 q) of its origin and directions.
+    element_index: index of the element of the plane. plane: modal states (3, 2 q) of its origin and directions.
     states: of each attractor the modal states (k, 2 q) once per period, multiplied by the weights.
     """
 
     integrator: ExponentialIntegrator
     settling: SteadyStateSettings
-    which: int | None
+    element_index: int | None
     plane: Array
     states: list[Array] = field(default_factory=list)
     attractors: list[Attractor] = field(default_factory=list)
@@ -296,13 +296,13 @@ class _Found:
         self.weights = self.integrator.weights()
         self.catch = max(tolerance, min(_CAPTURE_TOLERANCES * tolerance, _MAX_CAPTURE_DISTANCE))
 
-    def caught(self, now: Array, before: Array) -> np.ndarray:
+    def nearby(self, current: Array, before: Array) -> np.ndarray:
         """Return the periods of the known attractors that motions approach and are near, 0 without one."""
-        period = np.zeros(len(now), dtype=int)
+        period = np.zeros(len(current), dtype=int)
         for attractor, states in zip(self.attractors, self.states, strict=True):
             if attractor.period:
-                near = self._distance(states, now)
-                period[(near <= self.catch) & (near < self._distance(states, before))] = attractor.period
+                distance = self._distance(states, current)
+                period[(distance <= self.catch) & (distance < self._distance(states, before))] = attractor.period
         return period
 
     def _distance(self, states: Array, z: Array) -> Array:
@@ -315,21 +315,21 @@ class _Found:
         """Return the index of the attractor of each motion; new attractors are added."""
         z, number = self.integrator.to_modal(motions), np.full(len(period), -1)
         bounded = np.asarray(np.isfinite(z).all(axis=1))
-        same = max(2 * self.catch, 10 * self.settling.tolerance)
-        known = 0
+        radius = max(2 * self.catch, 10 * self.settling.tolerance)
+        first_new = 0
         while True:
-            for i in range(known, len(self.states)):
+            for i in range(first_new, len(self.states)):
                 k = self.attractors[i].period
-                near = bounded if len(self.states[i]) else ~bounded
+                matches = bounded if len(self.states[i]) else ~bounded
                 if k:
-                    near = bounded & (self._distance(self.states[i], z) <= same)
-                number[(number < 0) & (period == k) & near] = i
-            known = len(self.states)
-            left = np.flatnonzero(number < 0)
-            if not left.size:
+                    matches = bounded & (self._distance(self.states[i], z) <= radius)
+                number[(number < 0) & (period == k) & matches] = i
+            first_new = len(self.states)
+            unassigned = np.flatnonzero(number < 0)
+            if not unassigned.size:
                 return number
-            if bounded[left[0]]:
-                self._add(motions.select(left[:1]), int(period[left[0]]))
+            if bounded[unassigned[0]]:
+                self._add(motions.select(unassigned[:1]), int(period[unassigned[0]]))
             else:
                 self.states.append(np.empty((0, z.shape[1])))
                 self.attractors.append(Attractor(0, np.empty((0, 2)), np.inf, 0.0))
@@ -340,12 +340,12 @@ class _Found:
         self.integrator.stroboscopic_map(motions.select(np.array([0])), strobes)
         z = self.integrator.to_modal(StateBatch(strobes[:, 0], motions.d, motions.v, motions.segment))
         observed = observe(self.integrator, motions, period or OBSERVED)
-        if self.which is None:
-            way = (self.weights * self.plane[1:]).T
-            points = np.linalg.lstsq(way, (self.weights * (z - self.plane[0])).T, rcond=None)[0].T
+        if self.element_index is None:
+            basis = (self.weights * self.plane[1:]).T
+            points = np.linalg.lstsq(basis, (self.weights * (z - self.plane[0])).T, rcond=None)[0].T
             rms = float(np.sqrt(np.mean(observed.rms**2)))
         else:
-            points, rms = observed.points[:, self.which], float(observed.rms[self.which])
+            points, rms = observed.points[:, self.element_index], float(observed.rms[self.element_index])
         self.states.append(self.weights * z)
         self.attractors.append(Attractor(period, points, rms, 0.0))
 
@@ -355,20 +355,20 @@ class _Found:
         order = [i for i in np.argsort(-counts, kind="stable") if counts[i]]
         rank = np.full(len(counts) + 1, -1)  # the last is for starts without a result
         rank[order] = np.arange(len(order))
-        shares = counts / max(counts.sum(), 1)
+        fractions = counts / max(counts.sum(), 1)
         attractors = [self.attractors[i] for i in order]
         return rank[label], tuple(
-            Attractor(a.period, a.points, a.rms, float(shares[i])) for i, a in zip(order, attractors, strict=True)
+            Attractor(a.period, a.points, a.rms, float(fractions[i])) for i, a in zip(order, attractors, strict=True)
         )
 
 
-def _follow(found: _Found, motions: StateBatch, label: np.ndarray, progress: ProgressCallback | None) -> None:
+def _follow(search: _Search, motions: StateBatch, label: np.ndarray, progress: ProgressCallback | None) -> None:
     """Store the attractor of each start, one batch after the other."""
-    count, settling = len(label), found.settling
+    count, settling = len(label), search.settling
     batches = max(min(_NUMBER_OF_BATCHES, count // 64), -(-count // _MAX_BATCH_SIZE), 1)
     for first in range(batches):
         batch = np.arange(first, count, batches)
-        before, here, how = int(np.count_nonzero(label >= 0)), motions.select(batch), unsettled(len(batch), settling)
+        before, part, out = int(np.count_nonzero(label >= 0)), motions.select(batch), unsettled(len(batch), settling)
 
         def report(periods: int, settled: int, before: int = before) -> None:
             if progress:
@@ -377,10 +377,10 @@ def _follow(found: _Found, motions: StateBatch, label: np.ndarray, progress: Pro
 
         done = np.arange(0)
         try:
-            settle_into(how, found.integrator, here, settling, report, found.caught if found.states else None)
+            settle_into(out, search.integrator, part, settling, report, search.nearby if search.states else None)
             done = np.arange(len(batch))
         except (Exception, KeyboardInterrupt):
-            done = np.flatnonzero(how.period)
+            done = np.flatnonzero(out.period)
             raise
         finally:
-            label[batch[done]] = found.numbers(here.select(done), how.period[done])
+            label[batch[done]] = search.numbers(part.select(done), out.period[done])

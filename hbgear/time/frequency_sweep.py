@@ -246,8 +246,8 @@ class Sweep:
         if measure in measures.BUILT_IN_MEASURES:
             return np.asarray(getattr(self, measure)[:, j])
         if measure in measures.MEASURES:
-            known = ", ".join(measures.BUILT_IN_MEASURES)
-            raise ValueError(f"a sweep has no measure '{measure}': time integration records {known}, H1, H2, ...")
+            names = ", ".join(measures.BUILT_IN_MEASURES)
+            raise ValueError(f"a sweep has no measure '{measure}': time integration records {names}, H1, H2, ...")
         return measures.measure(measure, self.rows[:, j])
 
     def export(self, path: str | os.PathLike[str]) -> None:
@@ -299,12 +299,12 @@ def export(sweeps: Sequence[Sweep], path: str | os.PathLike[str]) -> None:
     """
     checked_suffix(path, (".csv",), "tables are .csv files")
     with csv_table(path) as writer:
-        for i, found in enumerate(sweeps):
-            columns: dict[str, Any] = {found.parameter: found.values, "direction": [found.direction] * len(found)}
-            for j, name in enumerate(found.elements):
-                columns |= {f"{measure}_{name}": found.amplitude(measure, j) for measure in measures.BUILT_IN_MEASURES}
+        for i, result in enumerate(sweeps):
+            columns: dict[str, Any] = {result.parameter: result.values, "direction": [result.direction] * len(result)}
+            for j, name in enumerate(result.elements):
+                columns |= {f"{measure}_{name}": result.amplitude(measure, j) for measure in measures.BUILT_IN_MEASURES}
             columns |= {
-                name: getattr(found, name)
+                name: getattr(result, name)
                 for name in ("period", "integrated_periods", "remaining_distance", "lyapunov")
             }
             if i == 0:
@@ -377,8 +377,8 @@ def sweep(
     >>> up.values.tolist(), len(up.jumps)
     ([0.5, 0.6], 0)
     """
-    held = dict(at or {})
-    return _Sweeper(model, grid, direction, parameter, held, start, settling, disturbance, steps, progress).run()
+    fixed = dict(at or {})
+    return _Sweeper(model, grid, direction, parameter, fixed, start, settling, disturbance, steps, progress).run()
 
 
 @dataclass(eq=False)
@@ -389,13 +389,13 @@ class _Sweeper:
     grid: Any
     direction: str
     parameter: str
-    at: dict[str, float]
+    fixed: dict[str, float]
     start: Array | None
     settling: SteadyStateSettings
     disturbance: float
     steps: int | None
     progress: ProgressCallback | None
-    found: list[tuple[float, Observation, Settled, float]] = field(default_factory=list)
+    results: list[tuple[float, Observation, Settled, float]] = field(default_factory=list)
     last: ExponentialIntegrator | None = None
     jumps: list[SweepJump] = field(default_factory=list)
     states: list[Array] = field(default_factory=list)
@@ -409,15 +409,15 @@ class _Sweeper:
         self.values = values if self.direction == "up" else values[::-1]
         checked("sweep", "disturbance", self.disturbance, Range(0, 1))
         self.random = np.random.default_rng(1)
-        known = ("Omega", *self.model.parameters, *self.model.entries)
-        for name in (self.parameter, *self.at):
-            if name not in known:
-                raise KeyError(f"{type(self.model).__name__} has no parameter '{name}'{did_you_mean(name, known)}")
-        if self.parameter != "Omega" and "Omega" not in self.at:
+        names = ("Omega", *self.model.parameters, *self.model.entries)
+        for name in (self.parameter, *self.fixed):
+            if name not in names:
+                raise KeyError(f"{type(self.model).__name__} has no parameter '{name}'{did_you_mean(name, names)}")
+        if self.parameter != "Omega" and "Omega" not in self.fixed:
             raise ValueError(f"a sweep in {self.parameter} needs a fixed Omega: give at={{'Omega': ...}}")
-        for name, value in self.at.items():
+        for name, value in self.fixed.items():
             checked("sweep: at", name, value)
-        lowest = values.min() if self.parameter == "Omega" else self.at["Omega"]
+        lowest = values.min() if self.parameter == "Omega" else self.fixed["Omega"]
         if lowest <= 0:
             raise ValueError(f"Omega = {lowest:.6g} must be positive; remove it from the grid")
         allowed = self.model.ranges.get(self.parameter, ANY)
@@ -440,9 +440,9 @@ class _Sweeper:
                 if self.progress:
                     self.progress(Progress((i + 1) / len(self.values), self._progress_text()))
         except (Exception, KeyboardInterrupt) as error:
-            if isinstance(error, Exception) and not self.found:
+            if isinstance(error, Exception) and not self.results:
                 raise
-            position = f"after {len(self.found)} of {len(self.values)} values"
+            position = f"after {len(self.results)} of {len(self.values)} values"
             if isinstance(error, _MotionDiverges):
                 ending.record_end(Status.FAILED, f"{position}, {error}")
             else:
@@ -451,27 +451,27 @@ class _Sweeper:
 
     def _integrator_at(self, value: float) -> ExponentialIntegrator:
         """Return the integrator at a value of the parameter."""
-        here = {**self.at, self.parameter: float(value)}
-        Omega = here.pop("Omega")
+        fields = {**self.fixed, self.parameter: float(value)}
+        Omega = fields.pop("Omega")
         if self.last and self.parameter == "Omega":
             return self.last.at(Omega, self.steps)
-        self.last = ExponentialIntegrator(self.model.replace(**here) if here else self.model, Omega, self.steps)
+        self.last = ExponentialIntegrator(self.model.replace(**fields) if fields else self.model, Omega, self.steps)
         return self.last
 
     def _settle(self, value: float, state: Array) -> Array:
         """Integrate at a value from a state until settled, store the motion, and return its state."""
         integrator = self._integrator_at(value)
         motions = self._disturbed(integrator, integrator.start(state))
-        how, exponent = self._integrate_until_settled(value, integrator, motions)
-        period = int(how.period[0])
+        settled, exponent = self._integrate_until_settled(value, integrator, motions)
+        period = int(settled.period[0])
         observed = observe(integrator, motions, period or OBSERVED)
-        self.found.append((float(value), observed, how, exponent))
+        self.results.append((float(value), observed, settled, exponent))
         self.states.append(integrator.states(motions)[0])
         return self.states[-1]
 
     def _disturbed(self, integrator: ExponentialIntegrator, motions: StateBatch) -> StateBatch:
         """Return the motion with a disturbance, which is equal in every run."""
-        if not self.found:  # the size of a start at rest is zero
+        if not self.results:  # the size of a start at rest is zero
             integrator.advance(motions, WINDOW)
         return disturbed(integrator, motions, self.disturbance, self.random)
 
@@ -481,68 +481,68 @@ class _Sweeper:
         """Integrate until settled; stop early if a positive Lyapunov exponent shows that the motion is chaotic."""
 
         def settled(longest: int) -> Settled:
-            how = settle(integrator, motions, replace(self.settling, longest=longest))
+            result = settle(integrator, motions, replace(self.settling, longest=longest))
             if not np.isfinite(motions.zeta).all():
                 raise _MotionDiverges(
                     f"the motion diverges at {self.parameter} = {value:.6g}: begin at a value with a bounded motion, "
                     "or give a start near it"
                 )
-            return how
+            return result
 
-        longest, fewest = self.settling.longest, max(FEWEST, self.settling.periods)
-        first = max(_PERIODS_BEFORE_LYAPUNOV, fewest)
-        if longest - first < fewest:  # after a test for chaos too few periods would remain
+        longest, shortest = self.settling.longest, max(FEWEST, self.settling.periods)
+        first = max(_PERIODS_BEFORE_LYAPUNOV, shortest)
+        if longest - first < shortest:  # after a test for chaos too few periods would remain
             first = longest
-        how = settled(first)
-        if how.period[0]:
-            return how, np.nan
+        result = settled(first)
+        if result.period[0]:
+            return result, np.nan
         exponent = lyapunov(integrator, motions)
         if first == longest or exponent * 2 * np.pi / integrator.Omega[0] > _MIN_CHAOTIC_GROWTH:
-            return how, exponent
-        how = settled(longest - first)
-        how = replace(how, integrated_periods=how.integrated_periods + first)
-        return how, np.nan if how.period[0] else lyapunov(integrator, motions)
+            return result, exponent
+        result = settled(longest - first)
+        result = replace(result, integrated_periods=result.integrated_periods + first)
+        return result, np.nan if result.period[0] else lyapunov(integrator, motions)
 
     def _detect_jump(self, i: int, before: Array, state: Array) -> None:
         """Store a jump between the last two values if the change is large and one step back does not undo it."""
         if i == 0:
             return
-        rms = np.array([f[1].rms for f in self.found])
+        rms = np.array([f[1].rms for f in self.results])
         change = np.abs(np.diff(rms, axis=0)).max(axis=1)
         previous = change[-2] if i > 1 else 0.0
-        threshold = _MIN_JUMP if all(f[2].period[0] for f in self.found[-2:]) else _MIN_JUMP_APERIODIC
+        threshold = _MIN_JUMP if all(f[2].period[0] for f in self.results[-2:]) else _MIN_JUMP_APERIODIC
         if change[-1] < max(3 * previous, threshold * rms.max()):
             return
         integrator = self._integrator_at(self.values[i - 1])
         motions = integrator.start(state)
-        how = settle(integrator, motions, self.settling)
-        back = observe(integrator, motions, int(how.period[0]) or OBSERVED)
-        if not np.abs(back.rms - rms[-2]).max() <= 0.2 * change[-1]:  # also true if the motion diverges
+        settled = settle(integrator, motions, self.settling)
+        returned = observe(integrator, motions, int(settled.period[0]) or OBSERVED)
+        if not np.abs(returned.rms - rms[-2]).max() <= 0.2 * change[-1]:  # also true if the motion diverges
             interval = (float(self.values[i - 1]), float(self.values[i]))
             self.jumps.append(SweepJump(self.parameter, interval, rms[-2], rms[-1]))
 
     def _progress_text(self) -> str:
         """Return the message of the last value."""
-        value, observed, how, _ = self.found[-1]
-        period = f"period {how.period[0]}" if how.period[0] else "not periodic"
+        value, observed, out, _ = self.results[-1]
+        period = f"period {out.period[0]}" if out.period[0] else "not periodic"
         return (
-            f"{self.parameter} = {value:.5g}, rms {observed.rms.max():.4g}, {period} after {how.integrated_periods[0]}"
+            f"{self.parameter} = {value:.5g}, rms {observed.rms.max():.4g}, {period} after {out.integrated_periods[0]}"
         )
 
     def _result(self, system: Any, status: Status, message: str) -> Sweep:
         """Return the sweep of all values so far."""
-        observed = [f[1] for f in self.found]
-        m, how = len(system.elements), [f[2] for f in self.found]
-        unsettled = sum(int(h.period[0] == 0) for h in how)
+        observed = [f[1] for f in self.results]
+        m, settled = len(system.elements), [f[2] for f in self.results]
+        unsettled = sum(int(h.period[0] == 0) for h in settled)
         if unsettled:
-            message += f"; {unsettled} of {len(how)} motions did not settle within {self.settling.longest} periods"
+            message += f"; {unsettled} of {len(settled)} motions did not settle within {self.settling.longest} periods"
 
         def stacked(name: str, shape: tuple[int, ...]) -> Array:
             return np.array([getattr(s, name) for s in observed]).reshape(len(observed), *shape)
 
         return Sweep(
             parameter=self.parameter,
-            values=np.array([f[0] for f in self.found]),
+            values=np.array([f[0] for f in self.results]),
             elements=tuple(e.name for e in system.elements),
             labels=dict(self.model.labels),
             rms=stacked("rms", (m,)),
@@ -551,12 +551,12 @@ class _Sweeper:
             mean=stacked("mean", (m,)),
             rows=stacked("rows", (m, 2 * HARMONICS + 1)),
             points=tuple(s.points for s in observed),
-            period=np.array([h.period[0] for h in how], dtype=int),
-            integrated_periods=np.array([h.integrated_periods[0] for h in how], dtype=int),
-            remaining_distance=np.array([h.remaining_distance[0] for h in how]),
-            likely_period=np.array([h.likely_period[0] for h in how], dtype=int),
+            period=np.array([h.period[0] for h in settled], dtype=int),
+            integrated_periods=np.array([h.integrated_periods[0] for h in settled], dtype=int),
+            remaining_distance=np.array([h.remaining_distance[0] for h in settled]),
+            likely_period=np.array([h.likely_period[0] for h in settled], dtype=int),
             states=np.array(self.states).reshape(len(self.states), 2 * system.n),
-            lyapunov=np.array([f[3] for f in self.found]),
+            lyapunov=np.array([f[3] for f in self.results]),
             jumps=tuple(self.jumps),
             direction=1 if self.direction == "up" else -1,
             status=status,

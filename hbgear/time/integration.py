@@ -244,17 +244,17 @@ def _exponential(
             f"the exponential method starts at a multiple of 2 pi, not at phase = {phase}; use method='DOP853'"
         )
     integrator = ExponentialIntegrator(model, Omega, steps)
-    need = samples // int(np.gcd(samples, SAMPLES_PER_STEP))
-    if integrator.N % need:
-        integrator = ExponentialIntegrator(model, Omega, -(-integrator.N // need) * need, adaptive=steps is None)
-    motions, pieces, used = integrator.start(state), [], 0
-    together = periods if integrator.method.straight else 1  # the number of steps is checked before each piece
-    for _ in range(0, periods, together):
-        fine = integrator.advance(motions, together, record=True)
+    divisor = samples // int(np.gcd(samples, SAMPLES_PER_STEP))
+    if integrator.N % divisor:
+        integrator = ExponentialIntegrator(model, Omega, -(-integrator.N // divisor) * divisor, adaptive=steps is None)
+    motions, pieces, step_count = integrator.start(state), [], 0
+    chunk = periods if integrator.method.straight else 1  # the number of steps is checked before each piece
+    for _ in range(0, periods, chunk):
+        fine = integrator.advance(motions, chunk, record=True)
         assert fine is not None
         pieces.append([x[..., :: integrator.N * SAMPLES_PER_STEP // samples] for x in fine])
-        used += together * integrator.N
-    d, v = (np.concatenate(each, axis=-1) for each in zip(*pieces, strict=True))
+        step_count += chunk * integrator.N
+    d, v = (np.concatenate(arrays, axis=-1) for arrays in zip(*pieces, strict=True))
     end = integrator.states(motions)
     if not np.isfinite(end).all():
         raise ArithmeticError(
@@ -263,4 +263,4 @@ def _exponential(
     if state.ndim == 1 and len(end) == 1:
         d, v, end = d[0], v[0], end[0]
     tau = phase + 2 * np.pi * np.arange(periods * samples) / samples
-    return Motion(np.squeeze(Omega)[()], tau, d, v, end, np.empty(0), used)
+    return Motion(np.squeeze(Omega)[()], tau, d, v, end, np.empty(0), step_count)

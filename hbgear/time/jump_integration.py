@@ -170,36 +170,36 @@ def arrivals(branch: Branch, jump: Jump, settling: SteadyStateSettings = SteadyS
         Result of each integration, with increasing distance from the jump.
     """
     problem = branch.problem
-    left = _motion_left(branch, jump)
-    begin = left.parameters[jump.parameter]
-    values = begin + jump.direction * np.geomspace(*_DISTANCE_RANGE, _NUMBER_OF_DISTANCES) * float(
+    departure = _motion_left(branch, jump)
+    start_value = departure.parameters[jump.parameter]
+    values = start_value + jump.direction * np.geomspace(*_DISTANCE_RANGE, _NUMBER_OF_DISTANCES) * float(
         np.ptp(branch.values)
     )
-    each = [{**left.parameters, jump.parameter: value} for value in values.tolist()]
-    Omega = np.array([here["Omega"] for here in each])
-    models = [problem.model.replace(**{k: x for k, x in here.items() if k != "Omega"}) for here in each]
+    sets = [{**departure.parameters, jump.parameter: value} for value in values.tolist()]
+    Omega = np.array([parameters["Omega"] for parameters in sets])
+    models = [problem.model.replace(**{k: x for k, x in parameters.items() if k != "Omega"}) for parameters in sets]
     integrator = (
         ExponentialIntegrator(models[0], Omega) if jump.parameter == "Omega" else ExponentialIntegrator(models, Omega)
     )
-    own = problem.at_resolution_of(left)
-    state = state_of(own, own.from_point(left), **left.parameters)
+    balance = problem.at_resolution_of(departure)
+    state = state_of(balance, balance.from_point(departure), **departure.parameters)
     motions = integrator.start(np.tile(state, (_NUMBER_OF_DISTANCES, 1)))
-    ratio = _DISTURBANCE_AT_FOLD if begin == jump.value else _DISTURBANCE_OF_UNSTABLE
+    ratio = _DISTURBANCE_AT_FOLD if start_value == jump.value else _DISTURBANCE_OF_UNSTABLE
     motions = disturbed(integrator, motions, ratio, np.random.default_rng(1))
-    how = settle(integrator, motions, settling)
-    found = []
-    for i, here in enumerate(each):
-        this, period, periods = np.array([i]), int(how.period[i]), int(how.integrated_periods[i])
-        last = motions.select(this)
+    settled = settle(integrator, motions, settling)
+    outcomes = []
+    for i, parameters in enumerate(sets):
+        index, period, periods = np.array([i]), int(settled.period[i]), int(settled.integrated_periods[i])
+        last = motions.select(index)
         if not np.isfinite(last.zeta).all():
-            found.append(JumpOutcome(values[i], 0, np.full(integrator.m, np.inf), periods, None))
+            outcomes.append(JumpOutcome(values[i], 0, np.full(integrator.m, np.inf), periods, None))
             continue
-        seen = integrator.select(this).advance(last, period or OBSERVED, record=True)
-        assert seen is not None
-        d = seen[0][0]
-        motion = _as_point(problem, d, period, here) if period else None
-        found.append(JumpOutcome(values[i], period, d.std(axis=1), periods, motion))
-    return found
+        samples = integrator.select(index).advance(last, period or OBSERVED, record=True)
+        assert samples is not None
+        d = samples[0][0]
+        motion = _as_point(problem, d, period, parameters) if period else None
+        outcomes.append(JumpOutcome(values[i], period, d.std(axis=1), periods, motion))
+    return outcomes
 
 
 def _motion_left(branch: Branch, jump: Jump) -> Point:
@@ -208,32 +208,32 @@ def _motion_left(branch: Branch, jump: Jump) -> Point:
     If the branch loses stability before the fold, it is the first unstable motion from which a disturbance grows by at
     least `_MIN_GROWTH` per period, or the motion at the fold.
     """
-    left = jump.before
-    if not isinstance(left, SpecialPoint) or left.kind == "LP":
-        return left
+    departure = jump.before
+    if not isinstance(departure, SpecialPoint) or departure.kind == "LP":
+        return departure
     values, mu = branch.values, branch.multipliers
-    ahead = (values[min(left.index + 1, len(values) - 1)] - jump.value) * jump.direction > 0
-    step, at = (1 if ahead else -1), left.index
-    while mu is not None and 0 <= at + step < len(values):
-        if (values[at + step] - values[at]) * jump.direction <= 0:
+    is_forward = (values[min(departure.index + 1, len(values) - 1)] - jump.value) * jump.direction > 0
+    step, index = (1 if is_forward else -1), departure.index
+    while mu is not None and 0 <= index + step < len(values):
+        if (values[index + step] - values[index]) * jump.direction <= 0:
             break
-        at += step
-        if np.abs(mu[at]).max(initial=0.0) >= 1.0 + _MIN_GROWTH:
+        index += step
+        if np.abs(mu[index]).max(initial=0.0) >= 1.0 + _MIN_GROWTH:
             break
-    return branch[at]
+    return branch[index]
 
 
-def _as_point(problem: Any, d: Array, period: int, here: dict[str, float]) -> Point:
+def _as_point(problem: Any, d: Array, period: int, parameters: dict[str, float]) -> Point:
     """Return samples (m, T) of the element coordinates over a period as the Fourier coefficients of a point."""
     H = problem.H // problem.nu * period
     c = np.fft.rfft(d, axis=1)[:, : H + 1] / d.shape[1]
     c[:, 1:] *= 2
     layout = replace(problem.layout, harmonics=H, nu=period, orders=None)
-    return Point(to_real(c).ravel(), here, np.nan, 0, None, np.full(len(d), -1, dtype=np.int8), np.nan, layout)
+    return Point(to_real(c).ravel(), parameters, np.nan, 0, None, np.full(len(d), -1, dtype=np.int8), np.nan, layout)
 
 
 def landed(
-    branches: Sequence[Branch], jump: Jump, found: Sequence[JumpOutcome]
+    branches: Sequence[Branch], jump: Jump, outcomes: Sequence[JumpOutcome]
 ) -> list[tuple[Jump, list[JumpOutcome]]]:
     """Return the different landings of a jump, the most frequent first, each with its integrations.
 
@@ -245,7 +245,7 @@ def landed(
         Branch of the jump, followed by the branches on which it may land.
     jump : Jump
         Jump of the first branch.
-    found : sequence of JumpOutcome
+    outcomes : sequence of JumpOutcome
         Results of `arrivals`.
 
     Returns
@@ -254,19 +254,19 @@ def landed(
         Jump with its landing, and the results of `arrivals` that landed there.
     """
     ends: list[tuple[Jump, list[JumpOutcome]]] = []
-    for group in _grouped(found):
+    for group in _grouped(outcomes):
         end = _landed(branches, jump, group[0])
-        known = next((others for other, others in ends if _same_end(end, other)), None)
-        if known is None:
+        existing = next((members for landing, members in ends if _same_end(end, landing)), None)
+        if existing is None:
             ends.append((end, group))
         else:
-            known += group
-    ends.sort(key=lambda one: -len(one[1]))
-    (first, most), *rest = ends
+            existing += group
+    ends.sort(key=lambda entry: -len(entry[1]))
+    (first, largest), *rest = ends
     if rest:
-        others = "; ".join(f"{len(group)}: {group[0].text}" for _, group in rest)
-        first = _with_note(first, f"indeterminate: {len(most)} of {len(found)} tries, {others}")
-    return [(_with_note(first, _slow_note(branches[0], jump)), most), *rest]
+        alternatives = "; ".join(f"{len(group)}: {group[0].text}" for _, group in rest)
+        first = _with_note(first, f"indeterminate: {len(largest)} of {len(outcomes)} tries, {alternatives}")
+    return [(_with_note(first, _slow_note(branches[0], jump)), largest), *rest]
 
 
 def _with_note(jump: Jump, note: str) -> Jump:
@@ -276,55 +276,55 @@ def _with_note(jump: Jump, note: str) -> Jump:
 
 def _slow_note(branch: Branch, jump: Jump) -> str:
     """Return the note for a jump whose motion loses its stability long before it is left; "" otherwise."""
-    left = _motion_left(branch, jump)
-    end = left.parameters[jump.parameter]
+    departure = _motion_left(branch, jump)
+    end = departure.parameters[jump.parameter]
     if abs(end - jump.value) <= _IMMEDIATE_DISTANCE * float(np.ptp(branch.values)):
         return ""
     rate = f"slow: disturbances grow by {_MIN_GROWTH:.0%} a period"
-    if isinstance(left, SpecialPoint):
-        return f"{rate} nowhere up to {left.label} at {end:.6g}, where it leaves"
+    if isinstance(departure, SpecialPoint):
+        return f"{rate} nowhere up to {departure.label} at {end:.6g}, where it leaves"
     return f"{rate} from {jump.parameter} = {end:.6g} on, where it leaves"
 
 
-def _grouped(found: Sequence[JumpOutcome]) -> list[list[JumpOutcome]]:
+def _grouped(outcomes: Sequence[JumpOutcome]) -> list[list[JumpOutcome]]:
     """Return the results in groups of the same motion."""
     groups: list[list[JumpOutcome]] = []
-    for one in found:
-        own = next((group for group in groups if _is_same(one, group[0])), None)
-        if own is None:
-            groups.append([one])
+    for outcome in outcomes:
+        members = next((group for group in groups if _is_same(outcome, group[0])), None)
+        if members is None:
+            groups.append([outcome])
         else:
-            own.append(one)
+            members.append(outcome)
     return groups
 
 
-def _is_same(one: JumpOutcome, other: JumpOutcome) -> bool:
+def _is_same(a: JumpOutcome, b: JumpOutcome) -> bool:
     """Return whether two results are the same motion."""
-    if one.motion is None or other.motion is None:  # all bounded motions that are not periodic form one group
-        return one.motion is other.motion and np.isfinite(one.rms).all() == np.isfinite(other.rms).all()
-    return one.period == other.period and same_motion(one.motion, (other.motion,)) is not None
+    if a.motion is None or b.motion is None:  # all bounded motions that are not periodic form one group
+        return a.motion is b.motion and np.isfinite(a.rms).all() == np.isfinite(b.rms).all()
+    return a.period == b.period and same_motion(a.motion, (b.motion,)) is not None
 
 
-def _same_end(one: Jump, other: Jump) -> bool:
+def _same_end(a: Jump, b: Jump) -> bool:
     """Return whether two jumps land on the same motion."""
-    if one.after is None or other.after is None:
+    if a.after is None or b.after is None:
         return False
-    return one.landing == other.landing and same_motion(one.after, (other.after,)) is not None
+    return a.landing == b.landing and same_motion(a.after, (b.after,)) is not None
 
 
-def _landed(branches: Sequence[Branch], jump: Jump, found: JumpOutcome) -> Jump:
+def _landed(branches: Sequence[Branch], jump: Jump, outcome: JumpOutcome) -> Jump:
     """Return a jump of the first branch that lands on the motion of one integration."""
-    known = [point for point, _ in candidates(branches, 0, jump)]
-    if found.motion is None:
-        return replace(jump, after=None, landing="integrate", note=found.text)
-    beyond = stable_points(branches[0], found.value) + [p for p, _ in stable_motions(branches, 0, found.value)]
-    same = same_motion(found.motion, beyond)
-    motion = _solution_near(branches[0].problem, found.motion if same is None else beyond[same], jump)
-    if same is None and not motion.stable:  # it has not left its start, or the truncation order is too low
+    motions = [point for point, _ in candidates(branches, 0, jump)]
+    if outcome.motion is None:
+        return replace(jump, after=None, landing="integrate", note=outcome.text)
+    points = stable_points(branches[0], outcome.value) + [p for p, _ in stable_motions(branches, 0, outcome.value)]
+    index = same_motion(outcome.motion, points)
+    motion = _solution_near(branches[0].problem, outcome.motion if index is None else points[index], jump)
+    if index is None and not motion.stable:  # it has not left its start, or the truncation order is too low
         return replace(jump, note=f"not decided by integration: {_UNKNOWN_MOTION}")
-    at = same_motion(motion, known)
-    after = motion if at is None else known[at]
-    note = f"period {found.period}, on a curve that was not given" if same is None and at is None else ""
+    known_index = same_motion(motion, motions)
+    after = motion if known_index is None else motions[known_index]
+    note = f"period {outcome.period}, on a curve that was not given" if index is None and known_index is None else ""
     return replace(jump, after=after, landing="integrate", note=note)
 
 
@@ -338,16 +338,16 @@ def _solution_near(problem: Any, motion: Point, jump: Jump) -> Point:
     """
     layout = motion.layout
     assert isinstance(layout, Layout)
-    own = problem if layout.nu == problem.nu else problem.with_order(layout.nu, problem.H // problem.nu * layout.nu)
-    X = own.from_layout(motion.X, layout)
-    for here in ({**motion.parameters}, {**motion.parameters, jump.parameter: jump.value}):
+    balance = problem if layout.nu == problem.nu else problem.with_order(layout.nu, problem.H // problem.nu * layout.nu)
+    X = balance.from_layout(motion.X, layout)
+    for parameters in ({**motion.parameters}, {**motion.parameters, jump.parameter: jump.value}):
         try:
-            solution = solve(own, X, here, jump.parameter)
+            solution = solve(balance, X, parameters, jump.parameter)
         except NoConvergence:
             break
-        seen = own.observe(solution.X, **here)
-        mu, regime, error = (seen[name] for name in ("multipliers", "regime", "error"))
-        point = Point(solution.X, here, solution.residual, solution.iterations, mu, regime, error, own.layout)
+        observed = balance.observe(solution.X, **parameters)
+        mu, regime, error = (observed[name] for name in ("multipliers", "regime", "error"))
+        point = Point(solution.X, parameters, solution.residual, solution.iterations, mu, regime, error, balance.layout)
         if same_motion(point, (motion,), _MAX_MOTION_CHANGE) is None:
             break
         X, motion = solution.X, point

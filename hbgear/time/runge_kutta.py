@@ -91,15 +91,15 @@ class Flow:
         self.rigid = StickFlow(system.elements, self.W, self.B[self.n : 2 * self.n])
         self.excitation = Excitation(system, Omega, self.structure.rates)
 
-    def gaps(self, t: float, y: Array, between: Interval | None = None) -> tuple[Array, Array]:
+    def gaps(self, t: float, y: Array, interval: Interval | None = None) -> tuple[Array, Array]:
         """Return d and v (m,) of a state, its first column; at a breakpoint of the excitation their limits after it."""
-        between = between or self.excitation.between(t)
-        e, de, k, f = self.excitation.at(t, between)
+        interval = interval or self.excitation.interval_at(t)
+        e, de, k, f = self.excitation.at(t, interval)
         y = y.reshape(self.size, -1)[: self.order, 0]
         d, v = self.D @ y - e, self.structure.free_rates(y, de, f)
         if len(self.structure.following):
-            none = np.zeros((2, len(self.sliders)), dtype=int)
-            v = self._consistent_rates(self._lines_at(d, v, none), d, v, self.excitation.phase(t, between), k)
+            slip = np.zeros((2, len(self.sliders)), dtype=int)
+            v = self._consistent_rates(self._lines_at(d, v, slip), d, v, self.excitation.phase(t, interval), k)
         return d, v
 
     def coordinates(self, t: float, Y: Array) -> Array:
@@ -107,10 +107,10 @@ class Flow:
         Y = Y.reshape(self.size, -1)
         if not self.structure.massless:
             return Y
-        between = self.excitation.between(t)
-        d, v = self.gaps(t, Y, between)
+        interval = self.excitation.interval_at(t)
+        d, v = self.gaps(t, Y, interval)
         slip = self.sliders.at(self.Omega * t, self.Omega, d, v, Y[self.order :, 0])
-        dx = self._rates_and_forces(self._lines_at(d, v, slip), between, t, Y)[0][: self.order]
+        dx = self._rates_and_forces(self._lines_at(d, v, slip), interval, t, Y)[0][: self.order]
         q = self.structure.coordinates(self.Omega * t, self.Omega, Y[: self.order], dx)
         return np.concatenate([q, Y[self.order :]])
 
@@ -122,61 +122,61 @@ class Flow:
         """Return d and v (m, T) of states (size, T) at instants t."""
         y = self.columns_of(Y)[: self.order, 0]
         if len(self.structure.following):
-            every = [self.gaps(x, own) for x, own in zip(t.tolist(), Y.T, strict=True)]
-            return np.array([d for d, _ in every]).T, np.array([v for _, v in every]).T
+            pairs = [self.gaps(x, column) for x, column in zip(t.tolist(), Y.T, strict=True)]
+            return np.array([d for d, _ in pairs]).T, np.array([v for _, v in pairs]).T
         e, de = self.excitation.over(t)
         return self.D @ y - e, self.structure.V @ y - de
 
     def _lines(self, segment: Integers, slip: Integers, contact: Integers, rigid: Integers) -> Lines:
         """Return the segments of the elements, and the states of sliders and contacts."""
-        every = np.arange(self.m)
-        return self.segments.slope[every, segment], self.segments.offset[every, segment], slip, contact, rigid
+        rows = np.arange(self.m)
+        return self.segments.slope[rows, segment], self.segments.offset[rows, segment], slip, contact, rigid
 
     def _lines_at(self, d: Array, v: Array, slip: Integers) -> Lines:
         """Return the segments and the states of contacts at displacements and rates (m,); no element sticks rigidly."""
         return self._lines(self.segments.at(d, v), slip, self.contacts.at(d, v), np.zeros(len(self.rigid), dtype=int))
 
-    def rates(self, line: Lines, between: Interval, t: float, Y: Array) -> Array:
+    def rates(self, line: Lines, interval: Interval, t: float, Y: Array) -> Array:
         """Return y', or (y', Phi') flattened, with each element on its linear segment."""
-        return self._rates_and_forces(line, between, t, Y)[0].ravel()
+        return self._rates_and_forces(line, interval, t, Y)[0].ravel()
 
-    def _rates_and_forces(self, line: Lines, between: Interval, t: float, Y: Array) -> tuple[Array, Array]:
+    def _rates_and_forces(self, line: Lines, interval: Interval, t: float, Y: Array) -> tuple[Array, Array]:
         """Return y' or (y', Phi'), and the forces (R, columns) of sticking elements and their derivatives."""
-        n, N, on = self.n, self.order, self.sliders.element
-        e, de, k, f = self.excitation.at(t, between)
+        n, N, elements = self.n, self.order, self.sliders.element
+        e, de, k, f = self.excitation.at(t, interval)
         Y = Y.reshape(self.size, -1)
         Y, z = Y[:N], Y[N:]
-        d, tau = self.D @ Y[:, 0] - e, self.excitation.phase(t, between)
+        d, tau = self.D @ Y[:, 0] - e, self.excitation.phase(t, interval)
         v = self._consistent_rates(line, d, self.structure.free_rates(Y[:, 0], de, f), tau, k)
         p, kd, kv = self._forces(line, d, v, tau, k)
         slip, zone = line[2]
         limit, change, gain = self.sliders.limit(zone, self.Omega * t, self.Omega, d, v)
-        friction, stuck = self.sliders.forces(line[2], d, z[:, 0], limit)
-        np.add.at(p, on, friction)
-        np.add.at(kd, on, stuck)
+        friction, stick_stiffness = self.sliders.forces(line[2], d, z[:, 0], limit)
+        np.add.at(p, elements, friction)
+        np.add.at(kd, elements, stick_stiffness)
         out = np.zeros((self.size, Y.shape[1]))
         out[:N] = self.A @ Y
         out[n:N, 0] += f
         out[:N, 0] -= self.B @ (p - self.c * de)
         slips = np.flatnonzero(slip)
-        out[N + slips, 0] = (v[on] - slip * change / self.sliders.k)[slips]
+        out[N + slips, 0] = (v[elements] - slip * change / self.sliders.k)[slips]
         if Y.shape[1] > 1:
             u = self.D @ Y[:, 1:]
             rate = self.structure.variations(u, self.structure.V @ Y[:, 1:], kd, kv)
             out[:N, 1:] -= self.B @ (kd[:, None] * u + kv[:, None] * rate)
             for rows, kd, kv in self._coupling(d, v, tau):
                 out[:N, 1:] -= self.B[:, rows] @ (kd @ u[rows] + kv @ rate[rows])
-            out[:N, 1:] += self.B[:, on] @ (stuck[:, None] * z[:, 1:])
-            pushes, normal = (slip * gain)[:, None], self.sliders.normal
-            out[:N, 1:] -= self.B[:, on] @ (pushes * u[normal])
-            out[N + slips, 1:] = (rate[on] - pushes / self.sliders.k[:, None] * rate[normal])[slips]
+            out[:N, 1:] += self.B[:, elements] @ (stick_stiffness[:, None] * z[:, 1:])
+            factors, normal = (slip * gain)[:, None], self.sliders.normal
+            out[:N, 1:] -= self.B[:, elements] @ (factors * u[normal])
+            out[N + slips, 1:] = (rate[elements] - factors / self.sliders.k[:, None] * rate[normal])[slips]
         return out, self.rigid.hold(line[4], out[n : 2 * n])
 
-    def slopes(self, line: Lines, between: Interval, t: float, y: Array) -> Array:
+    def slopes(self, line: Lines, interval: Interval, t: float, y: Array) -> Array:
         """Return df/dy (order, order) for implicit methods."""
-        d, v = self.gaps(t, y, between)
-        tau = self.excitation.phase(t, between)
-        _, kd, kv = self._forces(line, d, v, tau, self.excitation.at(t, between)[2])
+        d, v = self.gaps(t, y, interval)
+        tau = self.excitation.phase(t, interval)
+        _, kd, kv = self._forces(line, d, v, tau, self.excitation.at(t, interval)[2])
         V = self.structure.variations(self.D, self.structure.V, kd, kv)
         J: Array = self.A - (self.B * kd) @ self.D - (self.B * kv) @ V
         for rows, kd, kv in self._coupling(d, v, tau):
@@ -210,8 +210,8 @@ class Flow:
 
     def _coupling(self, d: Array, v: Array, tau: float) -> list[tuple[Integers, Array, Array]]:
         """Return the elements (p,), dp/dd and dp/dv (p, p) of vector laws."""
-        found = [law.force(d[rows, None], v[rows, None], np.array([tau])) for rows, law in self.vectors]
-        return [(rows, kd[..., 0], kv[..., 0]) for (rows, _), (_, kd, kv) in zip(self.vectors, found, strict=True)]
+        forces = [law.force(d[rows, None], v[rows, None], np.array([tau])) for rows, law in self.vectors]
+        return [(rows, kd[..., 0], kv[..., 0]) for (rows, _), (_, kd, kv) in zip(self.vectors, forces, strict=True)]
 
     def integrate(
         self, t: float, Y: Array, end: float, method: str, tolerance: float,
@@ -257,21 +257,21 @@ class Flow:
     ) -> tuple[Array, list[float], int]:  # fmt: skip
         """Integrate from one breakpoint of the excitation to the next."""
         Y, instants, count = np.asarray(Y, dtype=float).ravel(), [], 0
-        atol, nearly = tolerance * _sizes(self, Y), 1e-14 * abs(end)
-        while end - t > nearly:
-            between = self.excitation.between(t)
-            stop = between.end if end - between.end > nearly else end
-            Y, more, steps = self._integrate_between(between, t, Y, stop, method, tolerance, atol, visit)
+        atol, rounding = tolerance * _sizes(self, Y), 1e-14 * abs(end)
+        while end - t > rounding:
+            interval = self.excitation.interval_at(t)
+            stop = interval.end if end - interval.end > rounding else end
+            Y, new_instants, steps = self._integrate_between(interval, t, Y, stop, method, tolerance, atol, visit)
             t, count = stop, count + steps
-            instants += more
+            instants += new_instants
         return Y, instants, count
 
     def _integrate_between(
-        self, between: Interval, t: float, Y: Array, end: float, method: str, tolerance: float, atol: Array,
+        self, interval: Interval, t: float, Y: Array, end: float, method: str, tolerance: float, atol: Array,
         visit: Callable[[float, float, Callable[[Array], Array]], None] | None,
     ) -> tuple[Array, list[float], int]:  # fmt: skip
         """Integrate an interval without breakpoints of the excitation."""
-        d, v = self.gaps(t, Y, between)
+        d, v = self.gaps(t, Y, interval)
         segment, instants, count = self.segments.at(d, v), [], 0
         slip = self.sliders.at(self.Omega * t, self.Omega, d, v, Y.reshape(self.size, -1)[self.order :, 0])
         contact = self.contacts.at(d, v)
@@ -280,16 +280,16 @@ class Flow:
             return self._lines(segment, slip, contact, rigid)
 
         def rates(rigid: Integers, t: float, Y: Array) -> tuple[Array, Array]:
-            return self._rates_and_forces(lines(rigid), between, t, Y)
+            return self._rates_and_forces(lines(rigid), interval, t, Y)
 
         rigid = self.rigid.at(rates, t, Y, v, float(max(np.abs(v).max(), self.Omega * np.abs(d).max())))
         Y = self.rigid.without_slip(self, Y, rigid)
         while end - t > 1e-14 * abs(end):
             line = lines(rigid)
-            f = partial(self.rates, line, between)
+            f = partial(self.rates, line, interval)
             analytic = method == "Radau" and self.columns == 1 and not len(self.sliders) and not len(self.rigid)
-            extra = {"jac": partial(self.slopes, line, between)} if analytic else {}
-            solver = getattr(scipy.integrate, method)(f, t, Y, end, rtol=tolerance, atol=atol, **extra)
+            options = {"jac": partial(self.slopes, line, interval)} if analytic else {}
+            solver = getattr(scipy.integrate, method)(f, t, Y, end, rtol=tolerance, atol=atol, **options)
             while solver.status == "running":
                 before = solver.y
                 solver.step()
@@ -299,12 +299,12 @@ class Flow:
                         f"{method} could not continue at t = {solver.t:.6g}: the motion diverges, or Omega = "
                         f"{self.Omega:.6g} or tolerance = {tolerance:g} is too small"
                     )
-                at, side = self._exit(solver, before, segment, between)
-                change, leaves = self.sliders.exits(self, solver, slip)
+                exits, side = self._exit(solver, before, segment, interval)
+                change, zone_exits = self.sliders.exits(self, solver, slip)
                 ends = self.contacts.exits(self, solver, contact)
                 sticks = self.rigid.exits(self, rates, solver, rigid)
-                others = np.concatenate([change, leaves, ends, sticks])
-                stop = float(min(at.min(), others.min(initial=np.inf)))
+                events = np.concatenate([change, zone_exits, ends, sticks])
+                stop = float(min(exits.min(), events.min(initial=np.inf)))
                 if not np.isfinite(stop):
                     if visit:
                         visit(solver.t_old, solver.t, solver.dense_output())
@@ -313,25 +313,25 @@ class Flow:
                 t0 = solver.t_old
                 if visit:
                     visit(t0, stop, solver.dense_output())
-                Y = _repeat_step(f, t0, before, stop, method, tolerance, atol, extra)
+                Y = _repeat_step(f, t0, before, stop, method, tolerance, atol, options)
                 t = stop
-                together = stop + 1e-12 * (1 + abs(stop))
-                segment += np.where(at <= together, side, 0)
-                if (np.minimum(change, leaves) <= together).any():
-                    Y, slip = self.sliders.after(self, t, Y, slip, change <= together, leaves <= together)
-                if (ends <= together).any():
-                    Y, contact = self.contacts.after(self, t, Y, contact, ends <= together)
-                if (sticks <= together).any():
-                    Y, rigid = self.rigid.after(self, rates, t, Y, rigid, sticks <= together)
+                limit = stop + 1e-12 * (1 + abs(stop))
+                segment += np.where(exits <= limit, side, 0)
+                if (np.minimum(change, zone_exits) <= limit).any():
+                    Y, slip = self.sliders.after(self, t, Y, slip, change <= limit, zone_exits <= limit)
+                if (ends <= limit).any():
+                    Y, contact = self.contacts.after(self, t, Y, contact, ends <= limit)
+                if (sticks <= limit).any():
+                    Y, rigid = self.rigid.after(self, rates, t, Y, rigid, sticks <= limit)
                 instants.append(t)
                 break
         return Y, instants, count
 
-    def _exit(self, solver: Any, before: Array, segment: Integers, between: Interval) -> tuple[Array, Integers]:
+    def _exit(self, solver: Any, before: Array, segment: Integers, interval: Interval) -> tuple[Array, Integers]:
         """Return the instants in the last step at which elements leave their segments (inf if not), and the ends."""
-        every = np.arange(self.m)
-        low, high = self.segments.low[every, segment], self.segments.high[every, segment]
-        (d0, v0), (d1, v1) = self.gaps(solver.t_old, before, between), self.gaps(solver.t, solver.y, between)
+        elements = np.arange(self.m)
+        low, high = self.segments.low[elements, segment], self.segments.high[elements, segment]
+        (d0, v0), (d1, v1) = self.gaps(solver.t_old, before, interval), self.gaps(solver.t, solver.y, interval)
         reach = 2 * (solver.t - solver.t_old) * np.maximum(np.abs(v0), np.abs(v1))
         if np.all((np.maximum(d0, d1) + reach < high) & (np.minimum(d0, d1) - reach > low)):
             return np.full(self.m, np.inf), np.zeros(self.m, dtype=int)
@@ -339,8 +339,8 @@ class Flow:
         t = np.linspace(solver.t_old, solver.t, SAMPLES_PER_STEP + 1)
         d, v = self.gaps_over(t, dense(t))
 
-        def value(rows: Integers, at: Array) -> Array:
-            return np.array([self.gaps(x, dense(x), between)[0][j] for j, x in zip(rows, at, strict=True)])
+        def value(rows: Integers, instants: Array) -> Array:
+            return np.array([self.gaps(x, dense(x), interval)[0][j] for j, x in zip(rows, instants, strict=True)])
 
         return first_exit(t, d, v, low, high, value)
 
@@ -358,12 +358,12 @@ def _sizes(flow: Flow, Y: Array) -> Array:
 
 
 def _repeat_step(
-    f: Any, t: float, Y: Array, end: float, method: str, tolerance: float, atol: Array, extra: dict[str, Any]
+    f: Any, t: float, Y: Array, end: float, method: str, tolerance: float, atol: Array, options: dict[str, Any]
 ) -> Array:
     """Return the state at a breakpoint by a repeated step, which is more accurate than the dense output."""
     if end - t <= 1e-14 * (1 + abs(t)):
         return Y
-    solver = getattr(scipy.integrate, method)(f, t, Y, end, rtol=tolerance, atol=atol, first_step=end - t, **extra)
+    solver = getattr(scipy.integrate, method)(f, t, Y, end, rtol=tolerance, atol=atol, first_step=end - t, **options)
     while solver.status == "running":
         solver.step()
     y: Array = solver.y

@@ -80,13 +80,13 @@ class Orbit:
         """Return real Fourier coefficients (m, 2H + 1) of the element coordinates in theta = tau / nu."""
         motion = motion or self.motion()
         e = [element.displacement for element in self.model.system().elements]
-        smooth = motion.d + np.array([one(motion.tau) if one.corners else 0 * motion.tau for one in e])
+        smooth = motion.d + np.array([f(motion.tau) if f.corners else 0 * motion.tau for f in e])
         c = np.fft.rfft(smooth, axis=-1)[:, : H + 1] / smooth.shape[-1]
         c[:, 1:] *= 2
         rows = to_real(c)
-        for row, one in zip(rows, e, strict=True):
-            if one.corners:  # its harmonics are known exactly, not only at samples
-                row -= resize(stretch(one.row(H // self.nu), self.nu), H)
+        for row, f in zip(rows, e, strict=True):
+            if f.corners:  # its harmonics are known exactly, not only at samples
+                row -= resize(stretch(f.row(H // self.nu), self.nu), H)
         return rows
 
 

@@ -61,8 +61,8 @@ class StabilityComparison:
     @property
     def moduli(self) -> dict[str, float]:
         """Largest modulus by each available method."""
-        found = {"variational": self.variational, "hill": self.hill, "shooting": self.shooting}
-        return {name: float(np.abs(mu).max(initial=0.0)) for name, mu in found.items() if mu is not None}
+        multipliers = {"variational": self.variational, "hill": self.hill, "shooting": self.shooting}
+        return {name: float(np.abs(mu).max(initial=0.0)) for name, mu in multipliers.items() if mu is not None}
 
     @property
     def stability(self) -> dict[str, str]:
@@ -121,18 +121,18 @@ def compare_multipliers(branch: Branch, point: int | str | Point) -> StabilityCo
             "the comparison needs the model: give a branch of a HarmonicBalance; load one with "
             "load(path, problem=HarmonicBalance(...))"
         )
-    here = point if isinstance(point, Point) else branch[point]
-    problem = branch.problem.at_resolution_of(here)
-    X, at, notes = problem.from_point(here), dict(here.parameters), []
+    motion = point if isinstance(point, Point) else branch[point]
+    problem = branch.problem.at_resolution_of(motion)
+    X, values, notes = problem.from_point(motion), dict(motion.parameters), []
     hill = orbit = None
     try:
-        hill = hill_multipliers(problem.compiled(at), X, at["Omega"])
+        hill = hill_multipliers(problem.compiled(values), X, values["Omega"])
     except ValueError as error:
         notes.append(str(error))
     try:
-        orbit = shoot(problem.model.at(at), at["Omega"], start_state(problem, X, **at), problem.nu)
+        orbit = shoot(problem.model.at(values), values["Omega"], start_state(problem, X, **values), problem.nu)
     except (ValueError, NoConvergence, ArithmeticError, np.linalg.LinAlgError) as error:
         notes.append(f"shooting: {error}")
     shooting = None if orbit is None else orbit.multipliers
-    variational = problem.multipliers(X, None, None, **at) if here.multipliers is None else here.multipliers
-    return StabilityComparison(here, variational, hill, shooting, orbit, tuple(notes))
+    variational = problem.multipliers(X, None, None, **values) if motion.multipliers is None else motion.multipliers
+    return StabilityComparison(motion, variational, hill, shooting, orbit, tuple(notes))

@@ -136,8 +136,8 @@ def settle(
 
 def unsettled(count: int, settling: SteadyStateSettings) -> Settled:
     """Return the results of a number of motions before they are integrated."""
-    none = np.zeros(count, dtype=int)
-    return Settled(none, np.full(count, settling.longest), np.full(count, np.nan), none.copy())
+    zeros = np.zeros(count, dtype=int)
+    return Settled(zeros, np.full(count, settling.longest), np.full(count, np.nan), zeros.copy())
 
 
 KnownPeriods = Callable[[Array, Array], np.ndarray]
@@ -150,7 +150,7 @@ def settle_into(
     motions: StateBatch,
     settling: SteadyStateSettings,
     progress: Callable[[int, int], None] | None,
-    caught: KnownPeriods | None = None,
+    nearby: KnownPeriods | None = None,
 ) -> None:
     """Integrate motions until each is settled, and store each result as soon as it is known.
 
@@ -168,7 +168,7 @@ def settle_into(
         Conditions under which a motion is settled.
     progress : callable or None
         Called as ``progress(periods, settled)`` after each test.
-    caught : callable, optional
+    nearby : callable, optional
         ``caught(now, before)`` returns the period of a known motion that each motion approaches, 0 without one,
         from the modal states now and some periods before. These motions are not integrated further.
     """
@@ -176,7 +176,7 @@ def settle_into(
     block = max(_MAX_STORED_NUMBERS // (_stored_periods(settling) * r), 64)
     for first in range(0, B, block):
         batch = np.arange(first, min(first + block, B))
-        _settle_batch(out, batch, integrator.select(batch), motions, settling, progress, caught)
+        _settle_batch(out, batch, integrator.select(batch), motions, settling, progress, nearby)
 
 
 def _stored_periods(settling: SteadyStateSettings) -> int:
@@ -191,49 +191,49 @@ def _settle_batch(
     motions: StateBatch,
     settling: SteadyStateSettings,
     progress: Callable[[int, int], None] | None,
-    caught: KnownPeriods | None,
+    nearby: KnownPeriods | None,
 ) -> None:
     """Integrate the motions ``active`` (B,), with the integrator of these, until each is settled."""
     from hbgear.time.exponential.periodicity_kernel import is_periodic
 
-    here, weights = motions.select(active), integrator.weights()
-    past = np.zeros((_stored_periods(settling), *here.zeta.shape))
-    past[-1] = here.zeta
-    size, p = np.linalg.norm(weights * integrator.to_modal(here), axis=-1), 0
+    part, weights = motions.select(active), integrator.weights()
+    history = np.zeros((_stored_periods(settling), *part.zeta.shape))
+    history[-1] = part.zeta
+    size, p = np.linalg.norm(weights * integrator.to_modal(part), axis=-1), 0
     while p < settling.longest:
         count = min(
             _TEST_INTERVAL * (1 + 2 * WINDOW // _TEST_INTERVAL) if p == 0 else _TEST_INTERVAL, settling.longest - p
         )
-        at = p % len(past)
-        integrator.stroboscopic_map(here, past[at : at + count])
+        row = p % len(history)
+        integrator.stroboscopic_map(part, history[row : row + count])
         p += count
         if p % _TEST_INTERVAL or p < FEWEST:
             continue
         if p < 50:  # the size of a start at rest is zero
-            size = np.maximum(size, np.linalg.norm(weights * integrator.to_modal(here), axis=-1))
+            size = np.maximum(size, np.linalg.norm(weights * integrator.to_modal(part), axis=-1))
         period, distance, likely = (np.empty(len(active), dtype=kind) for kind in (np.int64, float, np.int64))
-        is_periodic(past, p, settling.periods, WINDOW, weights, size, settling.tolerance, period, distance, likely)
-        if caught:
-            before = past[(p - _TEST_INTERVAL - 1) % len(past)] - here.zeta  # the steady part is equal at both
-            period = np.where(period > 0, period, caught(integrator.to_modal(here), integrator.to_modal(here) + before))
-        diverged = ~np.isfinite(here.zeta).all(axis=-1)
+        is_periodic(history, p, settling.periods, WINDOW, weights, size, settling.tolerance, period, distance, likely)
+        if nearby:
+            before = history[(p - _TEST_INTERVAL - 1) % len(history)] - part.zeta  # the steady part is equal at both
+            period = np.where(period > 0, period, nearby(integrator.to_modal(part), integrator.to_modal(part) + before))
+        diverged = ~np.isfinite(part.zeta).all(axis=-1)
         distance[diverged], period[diverged] = np.inf, 0
         out.remaining_distance[active], out.likely_period[active] = distance, likely
         finished = (period > 0) | diverged
         if finished.any():
-            motions.replace(active[finished], here.select(np.flatnonzero(finished)))
+            motions.replace(active[finished], part.select(np.flatnonzero(finished)))
             out.integrated_periods[active[finished]] = p
             out.period[active[finished]] = period[finished]
-            keep = np.flatnonzero(~finished)
-            if keep.size:
-                active, integrator, here = active[keep], integrator.select(keep), here.select(keep)
-                weights = weights if len(weights) == 1 else weights[keep]
-                past, size = np.ascontiguousarray(past[:, keep]), size[keep]
+            remaining = np.flatnonzero(~finished)
+            if remaining.size:
+                active, integrator, part = active[remaining], integrator.select(remaining), part.select(remaining)
+                weights = weights if len(weights) == 1 else weights[remaining]
+                history, size = np.ascontiguousarray(history[:, remaining]), size[remaining]
         if progress:
             progress(p, int(np.count_nonzero(out.period)))
         if finished.all():
             return
-    motions.replace(active, here)
+    motions.replace(active, part)
 
 
 def disturbed(
@@ -241,8 +241,8 @@ def disturbed(
 ) -> StateBatch:
     """Return the motions with a disturbance of their states, relative to their size, in one random direction."""
     weights, z = integrator.weights(), integrator.to_modal(motions)
-    one = random.standard_normal((1, 2 * integrator.structures[0].n))
-    direction = integrator.modal(np.tile(one, (len(z), 1)))
+    state = random.standard_normal((1, 2 * integrator.structures[0].n))
+    direction = integrator.modal(np.tile(state, (len(z), 1)))
     size, unit = (np.array([[np.linalg.norm(x)] for x in weights * states]) for states in (z, direction))
     return integrator.from_modal(z + ratio * (size / unit) * direction)
 

@@ -86,7 +86,7 @@ def test_who_is_caught_would_have_settled_there(monkeypatch):
     """Labels are the same if every motion is integrated to its steady state."""
     shape = (40, 32)
     quick = basins(PAIR, OMEGA, (-2, 3), (-1.5, 1.5), shape)
-    monkeypatch.setattr(module._Found, "caught", lambda self, now, before: np.zeros(len(now), dtype=int))
+    monkeypatch.setattr(module._Search, "nearby", lambda self, z, before: np.zeros(len(z), dtype=int))
     whole = basins(PAIR, OMEGA, (-2, 3), (-1.5, 1.5), shape)
     np.testing.assert_array_equal(quick.label, whole.label)
     assert [a.period for a in quick.attractors] == [a.period for a in whole.attractors] == [1, 1]

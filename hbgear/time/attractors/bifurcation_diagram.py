@@ -113,10 +113,10 @@ class BifurcationDiagram:
         tuple of Window
             Windows in the order of the sweep.
         """
-        found, kinds = self.sweeps[number], self.verdicts[number]
+        result, kinds = self.sweeps[number], self.verdicts[number]
         out = []
-        for (verdict, period), rows in groupby(range(len(found)), lambda i: (kinds[i], int(found.period[i]))):
-            values = found.values[list(rows)]
+        for (verdict, period), rows in groupby(range(len(result)), lambda i: (kinds[i], int(result.period[i]))):
+            values = result.values[list(rows)]
             out.append(Window(float(values.min()), float(values.max()), verdict, period, len(values)))
         return tuple(out)
 
@@ -188,40 +188,40 @@ def bifurcation_diagram(
         raise ValueError(f"span = ({low:g}, {high:g}) is empty; give two different values")
     grid = np.linspace(low, high, counted("values", values, _MAX_VALUES, least=2))
     sweeps: list[Sweep] = []
-    for way in ("up", "down") if direction == "both" else (direction,):
-        begin = sweeps[-1].states[-1] if sweeps else start
+    for sense in ("up", "down") if direction == "both" else (direction,):
+        state = sweeps[-1].states[-1] if sweeps else start
         sweeps.append(
-            sweep(model, grid, way, parameter=parameter, at=at, start=begin, settling=settling, progress=progress)
+            sweep(model, grid, sense, parameter=parameter, at=at, start=state, settling=settling, progress=progress)
         )
         if not sweeps[-1].status.complete:
             break
-    numbers = [_tests(model, found, dict(at or {})) for found in sweeps]
-    return BifurcationDiagram(tuple(sweeps), *(tuple(each) for each in zip(*numbers, strict=True)))
+    numbers = [_tests(model, result, dict(at or {})) for result in sweeps]
+    return BifurcationDiagram(tuple(sweeps), *(tuple(column) for column in zip(*numbers, strict=True)))
 
 
-def _tests(model: Model, found: Sweep, at: dict[str, float]) -> tuple[Array, Array, np.ndarray]:
+def _tests(model: Model, result: Sweep, fixed: dict[str, float]) -> tuple[Array, Array, np.ndarray]:
     """Return Lyapunov exponents, equal digits and verdicts of the motions of a sweep."""
-    growth, change = np.full((2, len(found)), np.nan)
-    digits = np.where(found.settled, np.inf, np.nan)
-    for settled, periods in ((True, _PERIODS_OF_DECAY), (False, _PERIODS_OF_GROWTH)):
-        rows = np.flatnonzero(found.settled == settled)
+    growth, change = np.full((2, len(result)), np.nan)
+    digits = np.where(result.settled, np.inf, np.nan)
+    for is_settled, periods in ((True, _PERIODS_OF_DECAY), (False, _PERIODS_OF_GROWTH)):
+        rows = np.flatnonzero(result.settled == is_settled)
         if not rows.size:
             continue
-        integrator = _integrator(model, found, rows, at)
-        motions = integrator.start(found.states[rows])
+        integrator = _integrator(model, result, rows, fixed)
+        motions = integrator.start(result.states[rows])
         growth[rows] = growth_rates(integrator, motions, periods)
-        if not settled:
-            digits[rows], change[rows] = equal_digits(integrator, motions, found.likely_period[rows])
-    numbers = zip(found.period, growth, digits, change, strict=True)
+        if not is_settled:
+            digits[rows], change[rows] = equal_digits(integrator, motions, result.likely_period[rows])
+    numbers = zip(result.period, growth, digits, change, strict=True)
     kinds = np.array([verdict_of(int(p), *map(float, rest)) for p, *rest in numbers], dtype=object)
-    Omega = found.values if found.parameter == "Omega" else at["Omega"]
+    Omega = result.values if result.parameter == "Omega" else fixed["Omega"]
     return growth * Omega / (2 * np.pi), digits, kinds
 
 
-def _integrator(model: Model, found: Sweep, rows: np.ndarray, at: dict[str, float]) -> ExponentialIntegrator:
+def _integrator(model: Model, result: Sweep, rows: np.ndarray, parameters: dict[str, float]) -> ExponentialIntegrator:
     """Return the integrator of the motions at some values of a sweep."""
-    fixed: dict[str, Any] = {name: value for name, value in at.items() if name != "Omega"}
-    if found.parameter == "Omega":
-        return ExponentialIntegrator(model.replace(**fixed) if fixed else model, found.values[rows])
-    models = [model.replace(**fixed, **{found.parameter: float(value)}) for value in found.values[rows]]
-    return ExponentialIntegrator(models, np.full(len(rows), at["Omega"]))
+    fixed: dict[str, Any] = {name: value for name, value in parameters.items() if name != "Omega"}
+    if result.parameter == "Omega":
+        return ExponentialIntegrator(model.replace(**fixed) if fixed else model, result.values[rows])
+    models = [model.replace(**fixed, **{result.parameter: float(value)}) for value in result.values[rows]]
+    return ExponentialIntegrator(models, np.full(len(rows), parameters["Omega"]))

@@ -190,7 +190,7 @@ def steady_states(
         checked("steady_states", "extent", extent, POSITIVE)
     search = _Search(HarmonicBalance(model, harmonics), float(Omega), np.random.default_rng(seed))
     search.sample(starts, extent, settling)
-    for nu in sorted({*range(1, periods + 1), *(motion.period for motion in search.found)}):
+    for nu in sorted({*range(1, periods + 1), *(motion.period for motion in search.motions)}):
         search.deflate(nu, guesses)
     return search.result(starts)
 
@@ -221,7 +221,7 @@ class _Search:
 
     def __init__(self, problem: HarmonicBalance, Omega: float, rng: np.random.Generator) -> None:
         self.problem, self.Omega, self.rng = problem, Omega, rng
-        self.found: list[_Motion] = []
+        self.motions: list[_Motion] = []
         self.aperiodic = 0
 
     # ---- stable motions
@@ -230,35 +230,35 @@ class _Search:
         """Integrate motions from random states and refine each periodic attractor by harmonic balance."""
         integrator = ExponentialIntegrator(self.problem.model, self.Omega)
         motions = integrator.start(self._random_states(starts, extent))
-        how = settle(integrator, motions, settling)
-        self.aperiodic = int(np.count_nonzero(how.period == 0))
-        known: list[tuple[int, Array, _Motion | None]] = []
+        settled = settle(integrator, motions, settling)
+        self.aperiodic = int(np.count_nonzero(settled.period == 0))
+        attractors: list[tuple[int, Array, _Motion | None]] = []
         z = integrator.weights() * integrator.to_modal(motions)
 
-        def near(states: Array, state: Array) -> bool:
+        def is_near(states: Array, state: Array) -> bool:
             size = max(float(np.linalg.norm(states, axis=1).max()), 1e-9)
             return bool(np.linalg.norm(states - state, axis=1).min() < 100 * settling.tolerance * size)
 
-        for i in np.flatnonzero(how.period > 0):
-            period = int(how.period[i])
-            same = [entry for entry in known if entry[0] == period and near(entry[1], z[i])]
-            if not same:
+        for i in np.flatnonzero(settled.period > 0):
+            period = int(settled.period[i])
+            matches = [entry for entry in attractors if entry[0] == period and is_near(entry[1], z[i])]
+            if not matches:
                 d, states = self._recorded(integrator, motions.select(np.array([i])), period)
-                same = [(period, states, self._refined(d, period))]
-                known += same
-            motion = same[0][2]
+                matches = [(period, states, self._refined(d, period))]
+                attractors += matches
+            motion = matches[0][2]
             if motion is not None:
                 motion.sampled += 1
 
     def _random_states(self, count: int, extent: float | None) -> Array:
         """Return random states (count, 2n) of sizes up to ``extent``."""
         try:
-            near = state_of(self.problem, self.problem.start(self.Omega), Omega=self.Omega)
+            state = state_of(self.problem, self.problem.start(self.Omega), Omega=self.Omega)
         except NoConvergence:
-            near = np.zeros(2 * self.problem.model.system().n)
-        n = len(near) // 2
-        levels = [abs(x) for each in self.problem.layout.breakpoints for x in each if np.isfinite(x)]
-        size = extent or 3.0 * max([float(np.abs(near[:n]).max()), *levels]) or 3.0
+            state = np.zeros(2 * self.problem.model.system().n)
+        n = len(state) // 2
+        levels = [abs(x) for breakpoints in self.problem.layout.breakpoints for x in breakpoints if np.isfinite(x)]
+        size = extent or 3.0 * max([float(np.abs(state[:n]).max()), *levels]) or 3.0
         scale = size * self.rng.uniform(0.0, 1.0, (count, 1))
         unit = self.rng.uniform(-1.0, 1.0, (count, 2 * n))
         unit[:, n:] *= self.Omega
@@ -266,15 +266,15 @@ class _Search:
         return out
 
     @staticmethod
-    def _recorded(integrator: ExponentialIntegrator, one: StateBatch, period: int) -> tuple[Array, Array]:
+    def _recorded(integrator: ExponentialIntegrator, motion: StateBatch, period: int) -> tuple[Array, Array]:
         """Return displacements (m, T) over one period of a motion, and its weighted modal states (period, 2 q)."""
-        states, parts = [], []
+        states, samples = [], []
         for _ in range(period):
-            states.append((integrator.weights() * integrator.to_modal(one))[0])
-            fine = integrator.advance(one, 1, record=True)
+            states.append((integrator.weights() * integrator.to_modal(motion))[0])
+            fine = integrator.advance(motion, 1, record=True)
             assert fine is not None
-            parts.append(fine[0][0])
-        return np.concatenate(parts, axis=1), np.array(states)
+            samples.append(fine[0][0])
+        return np.concatenate(samples, axis=1), np.array(states)
 
     def _refined(self, d: Array, period: int) -> _Motion | None:
         """Return the motion of the harmonic balance near displacements (m, T) over its period; None without one."""
@@ -301,50 +301,50 @@ class _Search:
 
     def index(self, nu: int) -> int:
         """Return the sum of the indices of all motions of nu periods or a divisor of nu."""
-        return sum(motion.index(nu) * len(self._copies(motion, nu)) for motion in self.found)
+        return sum(motion.index(nu) * len(self._copies(motion, nu)) for motion in self.motions)
 
     def _deflate_once(self, nu: int, guesses: int) -> None:
         """Search from random motions, and from random points between two known motions, where unstable ones lie."""
         problem = self._problem(nu)
-        known = [Y for motion in self.found for Y in self._copies(motion, nu)]
-        starts = random_motions(problem, known, guesses, self.rng)
-        for i in range(1, guesses if len(known) > 1 else 0, 2):
-            first, second = self.rng.choice(len(known), 2, replace=False)
-            starts[i] = known[first] + self.rng.uniform(0.2, 0.8) * (known[second] - known[first])
+        solutions = [Y for motion in self.motions for Y in self._copies(motion, nu)]
+        starts = random_motions(problem, solutions, guesses, self.rng)
+        for i in range(1, guesses if len(solutions) > 1 else 0, 2):
+            first, second = self.rng.choice(len(solutions), 2, replace=False)
+            starts[i] = solutions[first] + self.rng.uniform(0.2, 0.8) * (solutions[second] - solutions[first])
         for guess in starts:
             X = deflated_newton(problem, guess, self._at(), [])
             if X is not None:
                 self._reached(X, nu).guessed += 1
-            known = [Y for motion in self.found for Y in self._copies(motion, nu)]
-            X = deflated_newton(problem, guess, self._at(), known)
+            solutions = [Y for motion in self.motions for Y in self._copies(motion, nu)]
+            X = deflated_newton(problem, guess, self._at(), solutions)
             if X is not None:
                 self._reached(X, nu).guessed += 1
 
     def _reached(self, X: Array, nu: int) -> _Motion:
         """Return the motion of a solution in the basis of nu periods; it is added if it is new."""
-        for motion in self.found:
+        for motion in self.motions:
             if any(same_solution(X, Y) for Y in self._copies(motion, nu)):
                 return motion
         period = nu
         for divisor in (k for k in range(1, nu) if nu % k == 0):
-            shorter = self._shortened(X, nu, divisor)
-            if shorter is not None:
-                X, period = shorter, divisor
+            shortened = self._shortened(X, nu, divisor)
+            if shortened is not None:
+                X, period = shortened, divisor
                 break
         return self._add(X, period)
 
     def _shortened(self, X: Array, nu: int, period: int) -> Array | None:
         """Return a motion of nu periods in the basis of a shorter period; None if it does not have this period."""
-        problem, shorter = self._problem(nu), self._problem(period)
+        problem, short_problem = self._problem(nu), self._problem(period)
         rows = problem.rows(X)
         step = nu // period
         c = rows[:, 1::2] - 1j * rows[:, 2::2]
-        others = np.delete(c, np.arange(step - 1, c.shape[1], step), axis=1)
-        if np.linalg.norm(others) > 1e-7 * (1e-6 + np.linalg.norm(X)):
+        remainder = np.delete(c, np.arange(step - 1, c.shape[1], step), axis=1)
+        if np.linalg.norm(remainder) > 1e-7 * (1e-6 + np.linalg.norm(X)):
             return None
-        kept = np.column_stack([rows[:, 0], c[:, step - 1 :: step]])[:, : shorter.H + 1]
+        coefficients = np.column_stack([rows[:, 0], c[:, step - 1 :: step]])[:, : short_problem.H + 1]
         try:
-            return solve(shorter, to_real(kept).ravel(), self._at()).X
+            return solve(short_problem, to_real(coefficients).ravel(), self._at()).X
         except NoConvergence:
             return None
 
@@ -360,28 +360,28 @@ class _Search:
         """Return a motion and its copies shifted by excitation periods in the basis of nu periods, if it has one."""
         if nu % motion.period:
             return []
-        problem, own = self._problem(nu), self._problem(motion.period)
-        return [problem.from_layout(Y, own.layout) for Y in shifts(own, motion.X)]
+        problem, own_problem = self._problem(nu), self._problem(motion.period)
+        return [problem.from_layout(Y, own_problem.layout) for Y in shifts(own_problem, motion.X)]
 
     def _add(self, X: Array, period: int) -> _Motion:
         """Return the motion of a solution; it is added to those found if it is new."""
         problem = self._problem(period)
-        for motion in self.found:
+        for motion in self.motions:
             if motion.period == period and any(same_solution(X, Y) for Y in self._copies(motion, period)):
                 return motion
-        self.found.append(_Motion(X, period, problem.multipliers(X, Omega=self.Omega)))
-        return self.found[-1]
+        self.motions.append(_Motion(X, period, problem.multipliers(X, Omega=self.Omega)))
+        return self.motions[-1]
 
     def result(self, starts: int) -> SteadyStates:
         """Return all motions found."""
-        orders = sorted({motion.period for motion in self.found} | {1})
-        indices = {nu: sum(motion.index(nu) * len(self._copies(motion, nu)) for motion in self.found) for nu in orders}
+        orders = sorted({motion.period for motion in self.motions} | {1})
+        indices = {nu: sum(m.index(nu) * len(self._copies(m, nu)) for m in self.motions) for nu in orders}
         motions = [
             SteadyMotion(
-                replace(problem_point(self._problem(one.period), one.X, self.Omega), multipliers=one.multipliers),
-                one.period, one.stable, one.sampled / starts, one.sampled + one.guessed,
+                replace(problem_point(self._problem(m.period), m.X, self.Omega), multipliers=m.multipliers),
+                m.period, m.stable, m.sampled / starts, m.sampled + m.guessed,
             )
-            for one in self.found
+            for m in self.motions
         ]  # fmt: skip
         motions.sort(key=lambda motion: (not motion.stable, -motion.share, -motion.hits))
         return SteadyStates(

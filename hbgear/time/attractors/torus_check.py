@@ -106,11 +106,11 @@ def verify_torus(tori: Branch, point: int = -1, *, periods: int = 1000) -> Torus
     if not isinstance(problem, TorusProblem):
         raise ValueError("the branch has no tori: give the branch of hb.analysis.torus(curve, 'NS1')")
     counted("periods", periods, _MAX_PERIODS, least=20)
-    at, nu = dict(tori[point].parameters), problem.balance.nu
-    turns = at[SECOND] * nu / at["Omega"]
-    predicted = _section(problem, tori[point].X, at, 2 * np.pi * turns * np.arange(periods + 1))
-    model = problem.balance.model_at({name: x for name, x in at.items() if name != SECOND})
-    integrator = ExponentialIntegrator(model, at["Omega"])
+    parameters, nu = dict(tori[point].parameters), problem.balance.nu
+    turns = parameters[SECOND] * nu / parameters["Omega"]
+    predicted = _section(problem, tori[point].X, parameters, 2 * np.pi * turns * np.arange(periods + 1))
+    model = problem.balance.model_at({name: x for name, x in parameters.items() if name != SECOND})
+    integrator = ExponentialIntegrator(model, parameters["Omega"])
     motions = integrator.start(predicted[:1])
     growth = nu * float(growth_rates(integrator, motions, max(periods // 2, 20))[0])
     states = np.empty((periods * nu, *motions.zeta.shape))
@@ -119,16 +119,16 @@ def verify_torus(tori: Branch, point: int = -1, *, periods: int = 1000) -> Torus
     z = integrator.weights()[0] * (states[nu - 1 :: nu, 0] + integrator.z[0])
     expected = integrator.weights()[0] * integrator.modal(predicted[1:])
     deviation = np.linalg.norm(z - expected, axis=1).max() / np.linalg.norm(expected, axis=1).max()
-    curve = _section(problem, tori[point].X, at, 2 * np.pi * np.arange(_PHASES) / _PHASES)
-    found = _rotation_number(z, integrator.weights()[0] * integrator.modal(curve)) if stable else np.nan
-    return TorusCheck(float(deviation), float(turns), _difference(found, turns), growth, stable)
+    curve = _section(problem, tori[point].X, parameters, 2 * np.pi * np.arange(_PHASES) / _PHASES)
+    rotation = _rotation_number(z, integrator.weights()[0] * integrator.modal(curve)) if stable else np.nan
+    return TorusCheck(float(deviation), float(turns), _difference(rotation, turns), growth, stable)
 
 
-def _section(problem: TorusProblem, X: Array, at: dict[str, float], theta: Array) -> Array:
+def _section(problem: TorusProblem, X: Array, parameters: dict[str, float], theta: Array) -> Array:
     """Return the states (T, 2n) of a torus at theta_1 = 0 and second phases (T,)."""
     basis = problem.basis
-    q = problem.motion(X, **at)
-    w = basis.k @ np.array([at["Omega"] / problem.balance.nu, at[SECOND]])
+    q = problem.motion(X, **parameters)
+    w = basis.k @ np.array([parameters["Omega"] / problem.balance.nu, parameters[SECOND]])
     phases = np.column_stack([np.zeros(len(theta)), theta])
     return np.concatenate([basis.evaluate(q, phases), basis.evaluate(1j * w * q, phases)]).T
 
@@ -141,6 +141,6 @@ def _rotation_number(z: Array, section: Array) -> float:
     return float(birkhoff_weights(len(increments)) @ increments / (2 * np.pi))
 
 
-def _difference(found: float, turns: float) -> float:
+def _difference(rotation: float, turns: float) -> float:
     """Return the difference of two rotation numbers, which are known up to whole turns."""
-    return float(abs((found - turns + 0.5) % 1.0 - 0.5))
+    return float(abs((rotation - turns + 0.5) % 1.0 - 0.5))

@@ -86,18 +86,18 @@ def growth_rates(integrator: ExponentialIntegrator, motions: StateBatch, periods
         Growth rates.
     """
     count = len(motions.d)
-    each = np.tile(np.arange(count), 2)
-    pair, both = motions.select(each), integrator.select(each)
+    indices = np.tile(np.arange(count), 2)
+    pair, pair_integrator = motions.select(indices), integrator.select(indices)
     weights = integrator.weights()
     small = 1e-8 * np.maximum(np.linalg.norm(weights * integrator.to_modal(motions), axis=1), 1e-12)
     delta = integrator.modal(np.ones((count, 2 * integrator.structures[0].n)))
     logs = np.empty((periods, count))
     for p in range(periods):
         delta = delta * (small / np.linalg.norm(weights * delta, axis=1))[:, None]
-        z = both.to_modal(pair)
+        z = pair_integrator.to_modal(pair)
         z[count:] = z[:count] + delta
-        pair = both.from_modal(z)
-        both.advance(pair)
+        pair = pair_integrator.from_modal(z)
+        pair_integrator.advance(pair)
         delta = pair.zeta[count:] - pair.zeta[:count]
         logs[p] = np.log(np.maximum(np.linalg.norm(weights * delta, axis=1), 1e-300) / small)
     out: Array = logs[periods // 4 :].mean(axis=0)
@@ -133,17 +133,17 @@ def equal_digits(
     w = birkhoff_weights(periods)
     for first in range(0, count, block):
         batch = np.arange(first, min(first + block, count))
-        here, part = motions.select(batch), integrator.select(batch)
-        states = np.empty((2 * periods, *here.zeta.shape))
-        part.stroboscopic_map(here, states)
-        motions.replace(batch, here)
+        selected, part = motions.select(batch), integrator.select(batch)
+        states = np.empty((2 * periods, *selected.zeta.shape))
+        part.stroboscopic_map(selected, states)
+        motions.replace(batch, selected)
         x = states * part.weights()
-        one, two = x[:periods], x[periods:]
+        first_half, second_half = x[:periods], x[periods:]
         size = np.sqrt(np.mean(np.sum((x - x.mean(axis=0)) ** 2, axis=-1), axis=0))
-        away = np.linalg.norm(np.einsum("p,pbq->bq", w, one - two), axis=-1)
-        digits[batch] = -np.log10(np.maximum(away, 1e-16 * size) / np.maximum(size, 1e-300))
+        distance = np.linalg.norm(np.einsum("p,pbq->bq", w, first_half - second_half), axis=-1)
+        digits[batch] = -np.log10(np.maximum(distance, 1e-16 * size) / np.maximum(size, 1e-300))
         for i, k in enumerate(np.maximum(lag[batch], 1)):
-            before, after = (np.linalg.norm(z[k:, i] - z[:-k, i], axis=-1).mean() for z in (one, two))
+            before, after = (np.linalg.norm(z[k:, i] - z[:-k, i], axis=-1).mean() for z in (first_half, second_half))
             change[batch[i]] = abs(after - before) / max(before, 1e-300)
     return digits, change
 

@@ -31,7 +31,7 @@ class Excitation:
 
     Attributes
     ----------
-    at : ndarray, shape (R, S + m + J, P)
+    starts : ndarray, shape (R, S + m + J, P)
         Phases at which segments begin; inf beyond the last.
     rows : ndarray, shape (R, S + m + J, P, 4)
         Coefficients; zero for stiffness and displacements without breakpoints.
@@ -43,7 +43,7 @@ class Excitation:
         Jumps of the first derivatives of the displacements at the breakpoints.
     """
 
-    at: Array
+    starts: Array
     rows: Array
     contacts: int
     phases: tuple[Array, ...]
@@ -52,54 +52,54 @@ class Excitation:
     @staticmethod
     def of(systems: Sequence[System]) -> Excitation:
         """Return the tables of systems with the same numbers of springs and elements."""
-        each = [_functions(system) for system in systems]
+        functions_of = [_functions(system) for system in systems]
         phases = tuple(_phases(system) for system in systems)
         pieces = [[f.pieces() if isinstance(f, Periodic) else None for f in functions] + list(map(pieces_of, levels))
-                  for functions, levels in each]  # fmt: skip
-        P = max((len(piece.at) for one in pieces for piece in one if piece), default=1)
-        Q, contacts = len(pieces[0]), len(each[0][1])
-        at, rows = np.full((len(each), Q, P), np.inf), np.zeros((len(each), Q, P, 4))
-        at[:, :, :1] = 0.0
-        for i, one in enumerate(pieces):
-            for q, piece in enumerate(one):
+                  for functions, levels in functions_of]  # fmt: skip
+        P = max((len(piece.at) for system_pieces in pieces for piece in system_pieces if piece), default=1)
+        Q, contacts = len(pieces[0]), len(functions_of[0][1])
+        starts, rows = np.full((len(functions_of), Q, P), np.inf), np.zeros((len(functions_of), Q, P, 4))
+        starts[:, :, :1] = 0.0
+        for i, system_pieces in enumerate(pieces):
+            for q, piece in enumerate(system_pieces):
                 if piece:
-                    at[i, q, : len(piece.at)] = piece.at
+                    starts[i, q, : len(piece.at)] = piece.at
                     rows[i, q, : len(piece.at), : piece.rows.shape[1]] = piece.rows
-        return Excitation(at, rows, contacts, phases, tuple(map(_kinks, systems, phases)))
+        return Excitation(starts, rows, contacts, phases, tuple(map(_kinks, systems, phases)))
 
     @property
     def any(self) -> bool:
         """True if there are breakpoints or contacts."""
         return self.contacts > 0 or any(map(len, self.phases))
 
-    def levels(self, of: Integers, Omega: Array) -> tuple[Array, Array]:
-        """Return levels and rates (R, m + J) at tau = 0 for rows of systems ``of`` at Omega (R,); 0 for elements."""
+    def levels(self, index: Integers, Omega: Array) -> tuple[Array, Array]:
+        """Return levels and rates (R, m + J) at tau = 0 for rows of systems ``index`` at Omega (R,); 0 for elements."""
         m = self.kinks[0].shape[1]
-        rows = np.zeros((len(of), m + self.contacts, 4))
-        rows[:, m:] = self.rows[of, self.rows.shape[1] - self.contacts :, 0]
+        rows = np.zeros((len(index), m + self.contacts, 4))
+        rows[:, m:] = self.rows[index, self.rows.shape[1] - self.contacts :, 0]
         return rows[..., 0], Omega[:, None] * rows[..., 1]
 
-    def cells(self, least: int) -> int:
-        """Return the number of cells of the period, at least ``least``.
+    def cells(self, minimum: int) -> int:
+        """Return the number of cells of the period, at least ``minimum``.
 
         A slightly larger number is returned if all breakpoints are then ends of cells.
         """
-        common = 1
+        multiple = 1
         for x in np.concatenate(self.phases) / TURN:
             fraction = Fraction(float(x)).limit_denominator(_MAX_COMMON_CELLS)
-            common = math.lcm(common, fraction.denominator)
-            if common > _MAX_COMMON_CELLS or abs(float(fraction) - x) > 1e-12:
-                return least
-        return -(-least // common) * common
+            multiple = math.lcm(multiple, fraction.denominator)
+            if multiple > _MAX_COMMON_CELLS or abs(float(fraction) - x) > 1e-12:
+                return minimum
+        return -(-minimum // multiple) * multiple
 
-    def step_ends(self, N: int, of: Integers, Omega: Array) -> tuple[Integers, Array, Array]:
-        """Return the positions in N cells of a period at which steps end, for rows of systems ``of`` at Omega (R,).
+    def step_ends(self, N: int, index: Integers, Omega: Array) -> tuple[Integers, Array, Array]:
+        """Return the positions in N cells of a period at which steps end, for rows of systems ``index`` at Omega (R,).
 
         Parameters
         ----------
         N : int
             Number of cells of a period.
-        of : ndarray, shape (R,)
+        index : ndarray, shape (R,)
             System of each row.
         Omega : ndarray, shape (R,)
             Excitation frequencies.
@@ -114,13 +114,13 @@ class Excitation:
             Jumps of the rates e'.
         """
         m = self.kinks[0].shape[1]
-        made = [self._step_ends(i, N) for i in range(len(self.phases))]
-        largest = max(len(position) for _, position, _ in made)
-        first = np.array([made[i][0] for i in of]).reshape(len(of), N + 1)
-        position, kink = np.ones((len(of), largest)), np.zeros((len(of), largest, m))
-        for row, i in enumerate(of):
-            count = len(made[i][1])
-            position[row, :count], kink[row, :count] = made[i][1], Omega[row] * made[i][2]
+        ends = [self._step_ends(i, N) for i in range(len(self.phases))]
+        largest = max(len(position) for _, position, _ in ends)
+        first = np.array([ends[i][0] for i in index]).reshape(len(index), N + 1)
+        position, kink = np.ones((len(index), largest)), np.zeros((len(index), largest, m))
+        for row, i in enumerate(index):
+            count = len(ends[i][1])
+            position[row, :count], kink[row, :count] = ends[i][1], Omega[row] * ends[i][2]
         return first, position, kink
 
     def _step_ends(self, i: int, N: int) -> tuple[Integers, Array, Array]:
@@ -149,10 +149,10 @@ def _kinks(system: System, phases: Array) -> Array:
 
 def _functions(system: System) -> tuple[list[Phased], list[Phased]]:
     """Return the stiffness of all springs and the displacements of all elements, and the levels of all contacts."""
-    parts = [moving_springs_of(element.law) for element in system.elements]
-    springs = [one for part in parts if part for one in part[0]]
-    functions = [*(one.spring.stiffness for one in springs), *(element.displacement for element in system.elements)]
-    return functions, [one.level for one in springs if one.level is not None]
+    splits = [moving_springs_of(element.law) for element in system.elements]
+    springs = [s for part in splits if part for s in part[0]]
+    functions = [*(s.spring.stiffness for s in springs), *(element.displacement for element in system.elements)]
+    return functions, [s.level for s in springs if s.level is not None]
 
 
 def _phases(system: System) -> Array:

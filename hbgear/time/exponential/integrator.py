@@ -77,11 +77,11 @@ def _at_speeds(models: tuple[Model, ...], Omega: float | Array) -> tuple[tuple[M
     systems = {id(model): model.system() for model in models}
     if all(system.speed is None for system in systems.values()):
         return (), models
-    each = np.atleast_1d(np.asarray(Omega, dtype=float)).tolist()
-    rows = max(len(models), len(each))
-    if {len(models), len(each)} - {1, rows}:
-        raise ValueError(f"{len(models)} models and {len(each)} values of Omega; give one Omega or one for each model")
-    pairs = list(zip(list(models) * (rows // len(models)), each * (rows // len(each)), strict=True))
+    freq = np.atleast_1d(np.asarray(Omega, dtype=float)).tolist()
+    rows = max(len(models), len(freq))
+    if {len(models), len(freq)} - {1, rows}:
+        raise ValueError(f"{len(models)} models and {len(freq)} values of Omega; give one Omega or one for each model")
+    pairs = list(zip(list(models) * (rows // len(models)), freq * (rows // len(freq)), strict=True))
     fixed = {(id(model), w): systems[id(model)].at_speed(w) for model, w in pairs}
     return models, tuple(fixed[id(model), w] for model, w in pairs)
 
@@ -92,8 +92,8 @@ def _required_steps(structure: LinearStructure, system: System, Omega: float) ->
     mobility = mobility_of(modes.poles, modes.output, modes.input)
     contact_frequency = np.sqrt((mobility * np.maximum(structure.kr, references(system))).max())
     orders = [e.displacement.order for e in system.elements] + [load.order for load in system.loads]
-    parts = [part for e in system.elements for part in e.law.parts]
-    orders += [spring.stiffness.order for part in parts for spring in part.piecewise or ()]
+    laws = [part for e in system.elements for part in e.law.parts]
+    orders += [spring.stiffness.order for part in laws for spring in part.piecewise or ()]
     return max(float(2 * np.pi * contact_frequency / (0.6 * Omega)), 5.0 * max(orders))
 
 
@@ -152,7 +152,7 @@ class ExponentialIntegrator:
         self._models = np.array([unique.index(id(m)) for m in models])
         self.m, self.s = self.structures[0].m, points
         self.stored = [StoredModes.of(modes_of(st)) for st in self.structures]
-        self.q = max(len(each.kept) for each in self.stored)
+        self.q = max(len(modes.indices) for modes in self.stored)
         self.laws = [tuple(e.law for e in system.elements) for system in self.systems]
         self.table = LawTable.stacked([LawTable.of(laws) for laws in self.laws])
         self.excitation = Excitation.of(self.systems)
@@ -178,7 +178,7 @@ class ExponentialIntegrator:
         if models > 1 and len(Omega) not in (1, models):
             raise ValueError(f"{models} models and {len(Omega)} values of Omega; give one Omega or one for each model")
         self.rows = max(models, len(Omega))  # of the plan: 1, or 1 for each motion
-        self.of = np.broadcast_to(self._models, self.rows) if models == 1 else self._models
+        self.index = np.broadcast_to(self._models, self.rows) if models == 1 else self._models  # system of each row
         self.Omega = np.broadcast_to(Omega, self.rows).copy()
         self.N = steps or self.excitation.cells(self._default_steps())
         self.adaptive = steps is None if self._adaptive is None else self._adaptive
@@ -190,7 +190,7 @@ class ExponentialIntegrator:
 
     def _default_steps(self) -> int:
         """Return the steps per period that resolve the contact stiffness and the excitation."""
-        lowest = [self.Omega[self.of == i].min() for i in range(len(self.systems))]
+        lowest = [self.Omega[self.index == i].min() for i in range(len(self.systems))]
         return int(np.ceil(max(12.0, *map(_required_steps, self.structures, self.systems, lowest))))
 
     def _set_steady_part(self) -> None:
@@ -199,10 +199,10 @@ class ExponentialIntegrator:
         z = np.zeros((self.rows, self.q), dtype=complex)
         self.y = np.zeros((self.rows, L + 1, 2 * self.m), dtype=complex)
         for row in range(self.rows):
-            i = self.of[row]
-            kept = self.stored[i].kept
-            z[row, : len(kept)], self.y[row] = steady_part(
-                self.structures[i], self.systems[i], kept, self.Omega[row], L
+            i = self.index[row]
+            indices = self.stored[i].indices
+            z[row, : len(indices)], self.y[row] = steady_part(
+                self.structures[i], self.systems[i], indices, self.Omega[row], L
             )
         self.z = real_and_imaginary(z)
 
@@ -212,17 +212,17 @@ class ExponentialIntegrator:
 
         table = self.table
         poles, output, input = self._packed_modes()
-        kr, c = (np.array([getattr(self.structures[i], name) for i in self.of]) for name in ("kr", "c"))
+        kr, c = (np.array([getattr(self.structures[i], name) for i in self.index]) for name in ("kr", "c"))
         laws = (table.stiffness, table.slope, table.offset, table.low, table.high, table.cubic)
-        plan = (poles, output, input, kr, self.y, *(x[self.of] for x in laws), 2 * np.pi / (self.N * self.Omega))
+        plan = (poles, output, input, kr, self.y, *(x[self.index] for x in laws), 2 * np.pi / (self.N * self.Omega))
         x, lagrange = gauss_nodes(self.s)
         straight = not (table.in_python.any() or table.cubic[..., 1].any())
         data = (table.element, table.contact, table.owner, table.in_python, straight, np.append(x, 1.0), lagrange)
         method = Method(*data, *dense(self.s))
         breakpoints = None
         if self.excitation.any:
-            functions = self.excitation.at[self.of], self.excitation.rows[self.of]
-            ends = self.excitation.step_ends(self.N, self.of, self.Omega)
+            functions = self.excitation.starts[self.index], self.excitation.rows[self.index]
+            ends = self.excitation.step_ends(self.N, self.index, self.Omega)
             breakpoints = Breakpoints(*packed((*functions, *ends, kr, c)))
         return Plan(*packed(plan)), Method(*packed(method)), breakpoints
 
@@ -230,12 +230,12 @@ class ExponentialIntegrator:
         """Return poles (R, q), output (R, 2 m, q) and input (R, q, m) of the stored modes, padded with zeros."""
         R, q, m = self.rows, self.q, self.m
         poles, output, input = (np.zeros(shape, dtype=complex) for shape in ((R, q), (R, 2 * m, q), (R, q, m)))
-        for row, i in enumerate(self.of):
+        for row, i in enumerate(self.index):
             modes, stored = modes_of(self.structures[i]), self.stored[i]
-            kept, size = stored.kept, len(stored.kept)
-            poles[row, :size], input[row, :size] = modes.poles[kept], modes.input[kept]
-            d = modes.output[:, kept] * stored.factor
-            output[row, :, :size] = np.concatenate([d, d * modes.poles[kept]])
+            indices, size = stored.indices, len(stored.indices)
+            poles[row, :size], input[row, :size] = modes.poles[indices], modes.input[indices]
+            d = modes.output[:, indices] * stored.factor
+            output[row, :, :size] = np.concatenate([d, d * modes.poles[indices]])
         return poles, output, input
 
     def select(self, motions: Integers) -> ExponentialIntegrator:
@@ -244,13 +244,13 @@ class ExponentialIntegrator:
             return self
         out = object.__new__(ExponentialIntegrator)
         out.__dict__.update(self.__dict__)
-        out.of, out.Omega, out.rows = self.of[motions], self.Omega[motions], len(motions)
+        out.index, out.Omega, out.rows = self.index[motions], self.Omega[motions], len(motions)
         if len(self._models) > 1:
             out._models = self._models[motions]
             out._speed_dependent = tuple(self._speed_dependent[i] for i in motions if self._speed_dependent)
         out.z, out.y, out._output = self.z[motions], self.y[motions], self._output[motions]
         out.plan, out.breakpoints = (
-            each and type(each)(*(x[motions] for x in each)) for each in (self.plan, self.breakpoints)
+            table and type(table)(*(x[motions] for x in table)) for table in (self.plan, self.breakpoints)
         )
         out.steps = self.steps.select(motions)
         return out
@@ -268,16 +268,16 @@ class ExponentialIntegrator:
         y = np.atleast_2d(np.asarray(y, dtype=float))
         n = self.structures[0].n
         if y.shape[1] != 2 * n or (self.rows > 1 and len(y) != self.rows):
-            need = f"({self.rows if self.rows > 1 else 'any number'}, {2 * n})"
-            raise ValueError(f"states of shape {y.shape} do not fit the models; give an array of shape {need}")
+            shape = f"({self.rows if self.rows > 1 else 'any number'}, {2 * n})"
+            raise ValueError(f"states of shape {y.shape} do not fit the models; give an array of shape {shape}")
         return self.from_modal(self.modal(y))
 
     def modal(self, y: Array) -> Array:
         """Return the modal states z (B, 2 q), real parts and then imaginary parts, of states (B, 2n)."""
         z = np.zeros((len(y), self.q), dtype=complex)
         for i, rows in self._motions_by_structure(len(y)):
-            kept = self.stored[i].kept
-            z[np.ix_(rows, np.arange(len(kept)))] = modal_state(self.structures[i], y[rows])[:, kept]
+            indices = self.stored[i].indices
+            z[np.ix_(rows, np.arange(len(indices)))] = modal_state(self.structures[i], y[rows])[:, indices]
         return real_and_imaginary(z)
 
     def from_modal(self, z: Array) -> StateBatch:
@@ -285,13 +285,13 @@ class ExponentialIntegrator:
         zeta = z - self.z
         y = (self._output @ zeta[..., None])[..., 0] + self.y.sum(axis=1).real - self._piecewise_displacements()
         d, v = np.ascontiguousarray(y[:, : self.m]), np.ascontiguousarray(y[:, self.m :])
-        (level, rate), owner = self.excitation.levels(self.of, self.Omega), self.method.owner
+        (level, rate), owner = self.excitation.levels(self.index, self.Omega), self.method.owner
         return StateBatch(zeta, d, v, segment_at(self.plan.high, d[:, owner] - level, v[:, owner] - rate))
 
     def _piecewise_displacements(self) -> Array:
         """Return e and e' (rows, 2 m) at tau = 0 of the elements whose e has breakpoints; 0 for the others."""
         out = np.zeros((self.rows, 2 * self.m))
-        for row, i in enumerate(self.of):
+        for row, i in enumerate(self.index):
             for j, element in enumerate(self.systems[i].elements):
                 if element.displacement.corners:
                     out[row, j] = element.displacement(0.0)
@@ -308,25 +308,25 @@ class ExponentialIntegrator:
         out = np.empty((len(z), 2 * self.structures[0].n))
         for i, rows in self._motions_by_structure(len(z)):
             stored, structure = self.stored[i], self.structures[i]
-            size = len(stored.kept)
-            whole = np.zeros((len(rows), len(modes_of(structure).poles)), dtype=complex)
-            whole[:, stored.kept] = stored.factor * (z[rows, :size] + 1j * z[rows, self.q : self.q + size])
-            out[rows] = physical_state(structure, whole)
+            size = len(stored.indices)
+            full_state = np.zeros((len(rows), len(modes_of(structure).poles)), dtype=complex)
+            full_state[:, stored.indices] = stored.factor * (z[rows, :size] + 1j * z[rows, self.q : self.q + size])
+            out[rows] = physical_state(structure, full_state)
             out[rows] += following_loads(structure, self.Omega[rows] if self.rows > 1 else self.Omega)
         return out
 
     def weights(self) -> Array:
         """Return the size (rows or 1, 2 q) of the motion of each component of z, with mass-normalized coordinates."""
-        each = np.zeros((len(self.structures), self.q))
+        sizes = np.zeros((len(self.structures), self.q))
         for i, (structure, stored) in enumerate(zip(self.structures, self.stored, strict=True)):
-            size = modes_of(structure).right[:, stored.kept] / np.diag(mass_basis(structure.M))[:, None]
-            each[i, : len(stored.kept)] = np.linalg.norm(size, axis=0) * np.sqrt(stored.factor)
-        return np.tile(each[self.of], 2)
+            size = modes_of(structure).right[:, stored.indices] / np.diag(mass_basis(structure.M))[:, None]
+            sizes[i, : len(stored.indices)] = np.linalg.norm(size, axis=0) * np.sqrt(stored.factor)
+        return np.tile(sizes[self.index], 2)
 
     def _motions_by_structure(self, count: int) -> list[tuple[int, Integers]]:
         """Return the index of each structure and its motions out of ``count``."""
-        of = np.broadcast_to(self.of, count) if self.rows == 1 else self.of
-        return [(i, np.flatnonzero(of == i)) for i in range(len(self.structures))]
+        systems = np.broadcast_to(self.index, count) if self.rows == 1 else self.index
+        return [(i, np.flatnonzero(systems == i)) for i in range(len(self.structures))]
 
     # ---- steps
 
@@ -364,7 +364,7 @@ class ExponentialIntegrator:
         block_motions = min(B if is_serial else -(-B // (4 * processors())), _MAX_BLOCK_MOTIONS)
         block_cells = max(1, int(_MAX_CALL_COST / (cost * max(1, block_motions))))
         steps = self.steps
-        tables = (steps.whole, steps.folded, steps.curves(not is_serial))
+        tables = (steps.cells, steps.maps, steps.curves(not is_serial))
         shared = (self.plan, self.method, self.breakpoints, *tables)
 
         def integrate_block(first: int, stop: Event) -> None:
@@ -398,10 +398,10 @@ class ExponentialIntegrator:
         x, length = work.span[waiting].T[:, :, None]
         tau = 2 * np.pi / self.N * (work.progress[waiting, :1] % self.N + x + length * self.method.nodes[:-1])
         y = work.y[waiting].reshape(len(waiting), s + 1, 2, m)[:, :-1]
-        of = self.of[first + waiting] if self.rows > 1 else np.broadcast_to(self.of, len(waiting))
+        systems = self.index[first + waiting] if self.rows > 1 else np.broadcast_to(self.index, len(waiting))
         for i, laws in enumerate(self.laws):
-            here = np.flatnonzero(of == i)
-            for j in np.flatnonzero(self.table.in_python) if here.size else ():
-                force = laws[j].force(y[here, :, 0, j], y[here, :, 1, j], tau[here])
+            rows = np.flatnonzero(systems == i)
+            for j in np.flatnonzero(self.table.in_python) if rows.size else ():
+                force = laws[j].force(y[rows, :, 0, j], y[rows, :, 1, j], tau[rows])
                 for quantity in range(3):
-                    work.given[waiting[here], quantity, :, j] = force[quantity]
+                    work.forces[waiting[rows], quantity, :, j] = force[quantity]

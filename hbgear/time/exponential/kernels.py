@@ -79,12 +79,12 @@ class Plan(NamedTuple):
 class Breakpoints(NamedTuple):
     """Breakpoints of the excitation for each row of the plan; kernels are compiled separately for None.
 
-    at (R, S + m + J, P), rows (R, S + m + J, P, 4): functions with breakpoints, see `Excitation`.
+    starts (R, S + m + J, P), rows (R, S + m + J, P, 4): functions with breakpoints, see `Excitation`.
     first (R, N + 1), position, kink (R, I), (R, I, m): `Excitation.step_ends`. kr, c (R, m): springs and dampers of
     the elements.
     """
 
-    at: Array
+    starts: Array
     rows: Array
     first: Integers
     position: Array
@@ -121,9 +121,9 @@ class Work(NamedTuple):
     progress (G, 6): cell, target, length corrections, segments passed, Newton iterations, whether the cell is divided.
     prepared (G,): whether a step is prepared. span (G, 2): its beginning x and length, in cells.
     free, y (G, (s + 1) 2 m), w (G, s m): of the step, d and v without and with w.
-    at, side (G, m + J): positions in the step at which elements and contacts leave their segments, through which end.
+    exits, side (G, m + J): positions in the step at which elements and contacts leave their segments, and the end.
     levels (G, m + J, 4): levels of contacts as cubics in the part of the step; zero for elements.
-    given (G, 3, s, m): p, dp/dd, dp/dv of the laws evaluated in Python.
+    forces (G, 3, s, m): p, dp/dd, dp/dv of the laws evaluated in Python.
     """
 
     progress: Integers
@@ -132,18 +132,18 @@ class Work(NamedTuple):
     free: Array
     y: Array
     w: Array
-    at: Array
+    exits: Array
     side: Integers
     levels: Array
-    given: Array
+    forces: Array
     J: Array
     right: Array
     turns: ComplexArray
     inner: ComplexArray
     powers: ComplexArray
     samples: Array
-    ahead: Array
-    spare: Array
+    zeta_end: Array
+    scratch: Array
 
 
 # columns of Work.progress
@@ -165,10 +165,10 @@ def allocate_workspace(motions: int, s: int, m: int, q: int, contacts: int) -> W
     progress[:, _TARGET] = _TO_EXIT
     return Work(
         progress=progress, prepared=z(G, dtype=np.bool_), span=z((G, 2)), free=z((G, n)), y=z((G, n)), w=z((G, r)),
-        at=z((G, rows)), side=z((G, rows), dtype=integer), levels=z((G, rows, 4)), given=z((G, 3, s, m)),
+        exits=z((G, rows)), side=z((G, rows), dtype=integer), levels=z((G, rows, 4)), forces=z((G, 3, s, m)),
         J=z((r, r)), right=z(r),
         turns=z((s + 1, q), dtype=pair), inner=z((s, s + 1, q), dtype=pair), powers=z((s + 2, (s + 1) * q), dtype=pair),
-        samples=z((4, max(2 * s + 5, SAMPLES_PER_STEP + 1))), ahead=z(2 * q), spare=z((2, r)),
+        samples=z((4, max(2 * s + 5, SAMPLES_PER_STEP + 1))), zeta_end=z(2 * q), scratch=z((2, r)),
     )  # fmt: skip
 
 
@@ -177,8 +177,8 @@ def integrate_segments(
     plan: Plan,
     method: Method,
     breakpoints: Breakpoints | None,
-    whole: Tables,
-    folded: Array,
+    cells: Tables,
+    maps: Array,
     curves: Tables,
     cut: Tables,
     work: Work,
@@ -206,9 +206,9 @@ def integrate_segments(
         Data that are equal for all motions.
     breakpoints : Breakpoints or None
         Breakpoints of the excitation.
-    whole : Tables
+    cells : Tables
         Steps over whole cells, for R rows and N cells.
-    folded : ndarray
+    maps : ndarray
         Steps over whole cells that are linear in the state alone, see `fold`, or empty.
     curves : Tables
         D rows of Chebyshev coefficients of turn, observe, feedback and push over the length of a step. Without rows
@@ -237,9 +237,9 @@ def integrate_segments(
     int
         Number of motions that wait for forces.
     """
-    any_in_python, waiting, N, only = method.in_python.any(), 0, whole.drive.shape[1], cut.drive.shape[1] - 1
+    any_in_python, waiting, N, last_cell = method.in_python.any(), 0, cells.drive.shape[1], cut.drive.shape[1] - 1
     element, contact, owner, in_python, straight, nodes, lagrange, dense, values, slopes = method
-    is_folded, ahead, spare, D = len(folded) > 0, work.ahead, work.spare, len(curves.turn)
+    has_maps, zeta_end, scratch, D = len(maps) > 0, work.zeta_end, work.scratch, len(curves.turn)
     has_series, turns_of, observes_of = D > 0, curves.turn, curves.observe.reshape(D, cut.observe[0].size)
     feedbacks_of, pushes_of = curves.feedback.reshape(D, cut.feedback[0].size), curves.push.reshape(D, cut.push[0].size)
     J, right, turns, inner, powers, samples = work.J, work.right, work.turns, work.inner, work.powers, work.samples
@@ -248,13 +248,15 @@ def integrate_segments(
         kr, cubic, slope, offset = plan.kr[r], plan.cubic[r], plan.slope[r], plan.offset[r]
         low, high, h, steady, stiffness = plan.low[r], plan.high[r], plan.h[r], plan.steady[r], plan.stiffness[r]
         poles, output, input = plan.poles[r], plan.output[r], plan.input[r]
-        turn, observe, feedback, push = whole.turn[r], whole.observe[r], whole.feedback[r], whole.push[r]
-        drive, k, cut_drive, cut_k = whole.drive[r], whole.k[r], cut.drive[g], cut.k[g]
+        turn, observe, feedback, push = cells.turn[r], cells.observe[r], cells.feedback[r], cells.push[r]
+        drive, k, cut_drive, cut_k = cells.drive[r], cells.k[r], cut.drive[g], cut.k[g]
         cut_turn, cut_observe, cut_feedback, cut_push = cut.turn[g], cut.observe[g], cut.feedback[g], cut.push[g]
         flat_observe, flat_feedback, flat_push = cut_observe.reshape(-1), cut_feedback.reshape(-1), cut_push.reshape(-1)
-        progress, span, given = work.progress[g], work.span[g], work.given[g]
+        progress, span, forces = work.progress[g], work.span[g], work.forces[g]
         free, y, w = work.free[g], work.y[g], work.w[g]
-        at, side, levels, z, x, rate, on = work.at[g], work.side[g], work.levels[g], zeta[b], d[b], v[b], segment[b]
+        exits, side, levels, z, x, rate, active = (
+            work.exits[g], work.side[g], work.levels[g], zeta[b], d[b], v[b], segment[b],
+        )  # fmt: skip
         if not any_in_python:
             progress[_CELL] = begin
         while True:
@@ -273,8 +275,8 @@ def integrate_segments(
                 if breakpoints is not None:
                     _set_levels(breakpoints, r, cell + span[0], span[1], N, len(element), len(x), levels)
                 if is_whole:
-                    if is_folded:
-                        _folded_step(folded, cell, on, low.shape[1], z, y, ahead)
+                    if has_maps:
+                        _folded_step(maps, cell, active, low.shape[1], z, y, zeta_end)
                     else:
                         _predict(observe, drive, cell, z, free, y, w)
                 else:
@@ -286,58 +288,58 @@ def integrate_segments(
                     else:
                         tabulate(
                             poles, output, input, span[1] * h, nodes, lagrange, cut_turn, cut_observe, cut_feedback,
-                            cut_push, turns, inner, powers, spare,
+                            cut_push, turns, inner, powers, scratch,
                         )  # fmt: skip
-                    excite(steady, stiffness, nodes, cell + span[0], span[1], N, only, cut_drive, cut_k)
+                    excite(steady, stiffness, nodes, cell + span[0], span[1], N, last_cell, cut_drive, cut_k)
                     if breakpoints is not None:
-                        add_piecewise(breakpoints, r, h, nodes, cell + span[0], span[1], N, only, cut_drive, cut_k)
-                    _predict(cut_observe, cut_drive, only, z, free, y, w)
+                        add_piecewise(breakpoints, r, h, nodes, cell + span[0], span[1], N, last_cell, cut_drive, cut_k)
+                    _predict(cut_observe, cut_drive, last_cell, z, free, y, w)
                 work.prepared[g], progress[_NEWTON_ITERATIONS] = True, 0
                 if any_in_python:
                     waiting += 1
                     break
-            if is_whole and is_folded:
-                size = moved = 0.0
+            if is_whole and has_maps:
+                size = change = 0.0
             elif is_whole:
                 size = _linearise(
-                    kr, cubic, element, contact, slope, offset, on, in_python, given, k, cell, feedback, y, w, J, right,
-                    spare, breakpoints, nodes, levels,
+                    kr, cubic, element, contact, slope, offset, active, in_python, forces, k, cell, feedback, y, w, J,
+                    right, scratch, breakpoints, nodes, levels,
                 )  # fmt: skip
-                moved = _correct(J, right, feedback, free, y, w)
+                change = _correct(J, right, feedback, free, y, w)
             else:
                 size = _linearise(
-                    kr, cubic, element, contact, slope, offset, on, in_python, given, cut_k, only, cut_feedback, y, w,
-                    J, right, spare, breakpoints, nodes, levels,
+                    kr, cubic, element, contact, slope, offset, active, in_python, forces, cut_k, last_cell,
+                    cut_feedback, y, w, J, right, scratch, breakpoints, nodes, levels,
                 )  # fmt: skip
-                moved = _correct(J, right, cut_feedback, free, y, w)
+                change = _correct(J, right, cut_feedback, free, y, w)
             progress[_NEWTON_ITERATIONS] += 1
-            if not straight and moved > 1e-13 * size and progress[_NEWTON_ITERATIONS] < _MAX_NEWTON_ITERATIONS:
+            if not straight and change > 1e-13 * size and progress[_NEWTON_ITERATIONS] < _MAX_NEWTON_ITERATIONS:
                 if any_in_python:
                     waiting += 1
                     break
                 continue
             work.prepared[g] = False
             if progress[_TARGET] == _TO_EXIT:
-                if _may_leave(nodes, y, x, rate, owner, levels, on, low, high, h * span[1], at):
+                if _may_leave(nodes, y, x, rate, owner, levels, active, low, high, h * span[1], exits):
                     stop = _first_exit(
-                        dense, values, slopes, nodes, y, x, rate, owner, levels, on, low, high, h * span[1], at, side,
-                        samples,
+                        dense, values, slopes, nodes, y, x, rate, owner, levels, active, low, high, h * span[1], exits,
+                        side, samples,
                     )  # fmt: skip
                     if stop >= 0:
-                        span[1] *= at[stop]
+                        span[1] *= exits[stop]
                         progress[_TARGET], progress[_LENGTH_CORRECTIONS] = stop, 0
                         continue
             elif progress[_TARGET] >= 0:
                 limit = 1.0
                 if breakpoints is not None:
                     limit = _next_breakpoint(breakpoints.first, breakpoints.position, r, cell, span[0])
-                if _corrects_length(y, len(x), owner, levels, on, low, high, h, side, progress, span, limit):
+                if _corrects_length(y, len(x), owner, levels, active, low, high, h, side, progress, span, limit):
                     continue
             if fine.shape[3]:
                 _record(dense, y, x, rate, span, h, samples, progress[_CELL] * SAMPLES_PER_STEP, b, fine)
-            if is_whole and is_folded:
+            if is_whole and has_maps:
                 for i in range(len(z)):
-                    z[i] = ahead[i]
+                    z[i] = zeta_end[i]
             elif is_whole:
                 _propagate_state(turn, push, w, z)
             else:
@@ -346,7 +348,7 @@ def integrate_segments(
                 x[j], rate[j] = y[len(y) - 2 * len(x) + j], y[len(y) - len(x) + j]
             if breakpoints is not None:
                 _apply_rate_jump(breakpoints, r, cell, span, rate)
-            if _finish_step(on, at, side, progress, span):
+            if _finish_step(active, exits, side, progress, span):
                 if len(strobes) and progress[_CELL] % N == 0:
                     for i in range(len(z)):
                         strobes[progress[_CELL] // N - 1, b, i] = z[i]
@@ -362,7 +364,8 @@ def fill(plan: Plan, method: Method, breakpoints: Breakpoints | None, lengths: A
         r, cells = i if len(plan.h) > 1 else 0, out.drive.shape[1]
         tabulate(
             plan.poles[r], plan.output[r], plan.input[r], lengths[i] * plan.h[r], method.nodes, method.lagrange,
-            out.turn[i], out.observe[i], out.feedback[i], out.push[i], work.turns, work.inner, work.powers, work.spare,
+            out.turn[i], out.observe[i], out.feedback[i], out.push[i], work.turns, work.inner, work.powers,
+            work.scratch,
         )  # fmt: skip
         for cell in range(cells):
             excite(
@@ -375,7 +378,7 @@ def fill(plan: Plan, method: Method, breakpoints: Breakpoints | None, lengths: A
 
 
 @kernel
-def fold(plan: Plan, method: Method, breakpoints: Breakpoints | None, whole: Tables, work: Work, out: Array) -> None:
+def fold(plan: Plan, method: Method, breakpoints: Breakpoints | None, cells: Tables, work: Work, out: Array) -> None:
     """Compute steps over whole cells with laws that are linear on their segments: linear maps of zeta.
 
     out (N, combinations of segments, 2 q + 1, (s + 1) 2 m + 2 q): contribution of each component of zeta, and last of
@@ -383,7 +386,7 @@ def fold(plan: Plan, method: Method, breakpoints: Breakpoints | None, whole: Tab
     """
     m, P, size = plan.kr.shape[1], plan.low.shape[2], plan.output.shape[2] * 2
     n = out.shape[3] - size
-    segment, zeta, free, y, w = np.zeros(m, dtype=np.int64), work.ahead, work.free[0], work.y[0], work.w[0]
+    segment, zeta, free, y, w = np.zeros(m, dtype=np.int64), work.zeta_end, work.free[0], work.y[0], work.w[0]
     levels = work.levels[0]
     for cell in range(out.shape[0]):
         for combination in range(out.shape[1]):
@@ -392,35 +395,35 @@ def fold(plan: Plan, method: Method, breakpoints: Breakpoints | None, whole: Tab
             for u in range(size, -1, -1):
                 for r in range(size):
                     zeta[r] = 1.0 if r == u else 0.0
-                _predict(whole.observe[0], whole.drive[0], cell, zeta, free, y, w)
+                _predict(cells.observe[0], cells.drive[0], cell, zeta, free, y, w)
                 _linearise(
                     plan.kr[0], plan.cubic[0], method.element, method.contact, plan.slope[0], plan.offset[0], segment,
-                    method.in_python, work.given[0], whole.k[0], cell, whole.feedback[0], y, w, work.J, work.right,
-                    work.spare, breakpoints, method.nodes, levels,
+                    method.in_python, work.forces[0], cells.k[0], cell, cells.feedback[0], y, w, work.J, work.right,
+                    work.scratch, breakpoints, method.nodes, levels,
                 )  # fmt: skip
-                _correct(work.J, work.right, whole.feedback[0], free, y, w)
-                _propagate_state(whole.turn[0], whole.push[0], w, zeta)
+                _correct(work.J, work.right, cells.feedback[0], free, y, w)
+                _propagate_state(cells.turn[0], cells.push[0], w, zeta)
                 for i in range(n + size):
                     loads = 0.0 if u == size else out[cell, combination, size, i]
                     out[cell, combination, u, i] = (y[i] if i < n else zeta[i - n]) - loads
 
 
 @kernel
-def _folded_step(folded: Array, cell: int, segment: Integers, P: int, zeta: Array, y: Array, ahead: Array) -> None:
+def _folded_step(maps: Array, cell: int, segment: Integers, P: int, zeta: Array, y: Array, zeta_end: Array) -> None:
     """Compute a step over a whole cell by its linear map: d and v at the nodes, zeta at the end."""
     combination, size, n = 0, len(zeta), len(y)
     for j in range(len(segment) - 1, -1, -1):
         combination = combination * P + segment[j]
     for i in range(n):
-        y[i] = folded[cell, combination, size, i]
+        y[i] = maps[cell, combination, size, i]
     for i in range(size):
-        ahead[i] = folded[cell, combination, size, n + i]
+        zeta_end[i] = maps[cell, combination, size, n + i]
     for r in range(size):
         z = zeta[r]
         for i in range(n):
-            y[i] += folded[cell, combination, r, i] * z
+            y[i] += maps[cell, combination, r, i] * z
         for i in range(size):
-            ahead[i] += folded[cell, combination, r, n + i] * z
+            zeta_end[i] += maps[cell, combination, r, n + i] * z
 
 
 @kernel
@@ -442,7 +445,7 @@ def _predict(observe: Array, drive: Array, cell: int, zeta: Array, free: Array, 
 def tabulate(
     poles: ComplexArray, output: ComplexArray, input: ComplexArray, h: float, nodes: Array, lagrange: Array,
     turn: ComplexArray, observe: Array, feedback: Array, push: Array, turns: ComplexArray, inner: ComplexArray,
-    powers: ComplexArray, spare: Array,
+    powers: ComplexArray, scratch: Array,
 ) -> None:  # fmt: skip
     """Compute the tables of a step of length h for zeta and for w at the Gauss points.
 
@@ -459,27 +462,27 @@ def tabulate(
             for j in range(s):
                 for b in range(m):
                     z = inner[j, i, r] * input[r, b]
-                    spare[0, j * m + b], spare[1, j * m + b] = z.real, z.imag
+                    scratch[0, j * m + b], scratch[1, j * m + b] = z.real, z.imag
             for a in range(2 * m):
                 z, c = output[a, r] * turns[i, r], output[a, r]
                 observe[r, i * 2 * m + a], observe[q + r, i * 2 * m + a] = z.real, -z.imag
                 for e in range(s * m):
-                    feedback[i * 2 * m + a, e] += c.real * spare[0, e] - c.imag * spare[1, e]
+                    feedback[i * 2 * m + a, e] += c.real * scratch[0, e] - c.imag * scratch[1, e]
         for e in range(s * m):
-            push[e, r], push[e, q + r] = spare[0, e], spare[1, e]
+            push[e, r], push[e, q + r] = scratch[0, e], scratch[1, e]
 
 
 @kernel
 def _evaluate_series(curves: Array, length: float, out: Array) -> None:
     """Evaluate a table of a step of given length, in cells, from its Chebyshev coefficients (D, ...)."""
     x = 2.0 * length - 1.0
-    before, here = x, 1.0
+    previous, current = x, 1.0
     for e in range(len(out)):
         out[e] = curves[0, e]
     for i in range(1, len(curves)):
-        before, here = here, (2.0 * x * here - before if i > 1 else x)
+        previous, current = current, (2.0 * x * current - previous if i > 1 else x)
         for e in range(len(out)):
-            out[e] += here * curves[i, e]
+            out[e] += current * curves[i, e]
 
 
 @kernel
@@ -531,14 +534,14 @@ def add_piecewise(
 
     The stiffness of springs is added to k, -e and -e' to the drive, and kr e + c e' is stored at the end of k.
     """
-    at, rows, kr, c = breakpoints.at, breakpoints.rows, breakpoints.kr, breakpoints.c
+    starts, rows, kr, c = breakpoints.starts, breakpoints.rows, breakpoints.kr, breakpoints.c
     m, unit, rate = kr.shape[1], 2 * np.pi / N, 2 * np.pi / (N * h)
     springs = k.shape[2] - m
     for q in range(springs + m):
-        segment = _segment_of(at, r, q, unit * (x + 0.5 * length))
+        segment = _segment_of(starts, r, q, unit * (x + 0.5 * length))
         a, b, f, g = rows[r, q, segment, 0], rows[r, q, segment, 1], rows[r, q, segment, 2], rows[r, q, segment, 3]
         for i in range(len(nodes)):
-            y = unit * (x + length * nodes[i]) - at[r, q, segment]
+            y = unit * (x + length * nodes[i]) - starts[r, q, segment]
             value = a + y * (b + y * (f + y * g))
             if q < springs:
                 if i < k.shape[1]:
@@ -552,10 +555,10 @@ def add_piecewise(
 
 
 @kernel
-def _segment_of(at: Array, r: int, q: int, tau: float) -> int:
+def _segment_of(starts: Array, r: int, q: int, tau: float) -> int:
     """Return the segment of function q of row r that contains a phase."""
     segment = 0
-    while segment + 1 < at.shape[2] and at[r, q, segment + 1] <= tau:
+    while segment + 1 < starts.shape[2] and starts[r, q, segment + 1] <= tau:
         segment += 1
     return segment
 
@@ -565,13 +568,13 @@ def _set_levels(
     breakpoints: Breakpoints, r: int, x: float, length: float, N: int, springs: int, m: int, levels: Array
 ) -> None:  # fmt: skip
     """Set the levels of all contacts on (x, x + length), in cells of the period; no breakpoint lies inside."""
-    at, rows, unit = breakpoints.at, breakpoints.rows, 2 * np.pi / N
+    starts, rows, unit = breakpoints.starts, breakpoints.rows, 2 * np.pi / N
     width = unit * length
     for j in range(m, len(levels)):
         q = springs + j
-        segment = _segment_of(at, r, q, unit * (x + 0.5 * length))
+        segment = _segment_of(starts, r, q, unit * (x + 0.5 * length))
         a, b, f, g = rows[r, q, segment, 0], rows[r, q, segment, 1], rows[r, q, segment, 2], rows[r, q, segment, 3]
-        y = unit * x - at[r, q, segment]
+        y = unit * x - starts[r, q, segment]
         levels[j, 0] = a + y * (b + y * (f + y * g))
         levels[j, 1] = width * (b + y * (2.0 * f + 3.0 * y * g))
         levels[j, 2] = width * width * (f + 3.0 * y * g)
@@ -617,8 +620,8 @@ def _apply_rate_jump(breakpoints: Breakpoints, r: int, cell: int, span: Array, v
 @kernel
 def _linearise(
     kr: Array, cubic: Array, element: Integers, contact: Integers, slope: Array, offset: Array, segment: Integers,
-    in_python: Bools, given: Array, k: Array, cell: int, feedback: Array, y: Array, w: Array, J: Array, right: Array,
-    spare: Array, breakpoints: Breakpoints | None, nodes: Array, levels: Array,
+    in_python: Bools, forces: Array, k: Array, cell: int, feedback: Array, y: Array, w: Array, J: Array, right: Array,
+    scratch: Array, breakpoints: Breakpoints | None, nodes: Array, levels: Array,
 ) -> float:  # fmt: skip
     """Compute the equations J step = right of the next Newton step for w, and return the size of the forces."""
     s, m, size = k.shape[1], len(kr), 0.0
@@ -626,7 +629,7 @@ def _linearise(
         for j in range(m):
             a, d = i * m + j, y[i * 2 * m + j]
             right[a] = (cubic[j, 0] + cubic[j, 1] * d * d) * d
-            spare[0, a] = cubic[j, 0] + 3.0 * cubic[j, 1] * d * d
+            scratch[0, a] = cubic[j, 0] + 3.0 * cubic[j, 1] * d * d
     for spring in range(len(element)):
         j = element[spring]
         row = j if contact[spring] < 0 else m + contact[spring]
@@ -636,13 +639,13 @@ def _linearise(
         for i in range(s):
             x = y[i * 2 * m + j] if row == j else y[i * 2 * m + j] - _level(levels, row, nodes[i])
             right[i * m + j] += k[cell, i, spring] * (bend * x + shift)
-            spare[0, i * m + j] += k[cell, i, spring] * bend
+            scratch[0, i * m + j] += k[cell, i, spring] * bend
     for i in range(s):
         for j in range(m):
             a, row = i * m + j, i * 2 * m + j
             if in_python[j]:
-                right[a], spare[0, a] = given[0, i, j], given[1, i, j]
-            pull, bend = kr[j] * y[row], spare[0, a] - kr[j]
+                right[a], scratch[0, a] = forces[0, i, j], forces[1, i, j]
+            pull, bend = kr[j] * y[row], scratch[0, a] - kr[j]
             size = max(size, abs(right[a]) + abs(pull))
             right[a] -= pull + w[a]
             if breakpoints is not None:
@@ -651,7 +654,7 @@ def _linearise(
                 J[a, e] = bend * feedback[row, e]
             if in_python[j]:
                 for e in range(s * m):
-                    J[a, e] += given[2, i, j] * feedback[row + m, e]
+                    J[a, e] += forces[2, i, j] * feedback[row + m, e]
             J[a, a] += 1.0
     return size
 
@@ -660,16 +663,16 @@ def _linearise(
 def _correct(J: Array, right: Array, feedback: Array, free: Array, y: Array, w: Array) -> float:
     """Apply the Newton step to w, d and v, and return the largest change of w."""
     _solve(J, right)
-    moved = 0.0
+    change = 0.0
     for a in range(len(w)):
-        moved = max(moved, abs(right[a]))
+        change = max(change, abs(right[a]))
         w[a] += right[a]
     for i in range(len(y)):
         total = free[i]
         for a in range(len(w)):
             total -= feedback[i, a] * w[a]
         y[i] = total
-    return moved
+    return change
 
 
 @kernel
@@ -713,19 +716,19 @@ def _propagate_state(turn: ComplexArray, push: Array, w: Array, zeta: Array) -> 
 
 
 @kernel
-def _finish_step(segment: Integers, at: Array, side: Integers, progress: Integers, span: Array) -> bool:
+def _finish_step(segment: Integers, exits: Array, side: Integers, progress: Integers, span: Array) -> bool:
     """Advance to the rest of the cell or to the next cell; return whether it is the next cell."""
     span[0] += span[1]
     if progress[_TARGET] >= 0:
-        stop = at[progress[_TARGET]] + 1e-9
+        stop = exits[progress[_TARGET]] + 1e-9
         for j in range(len(segment)):
-            if at[j] <= stop:
+            if exits[j] <= stop:
                 segment[j] += side[j]
         progress[_SEGMENTS_PASSED] += 1
     if 1.0 - span[0] > 1e-12:
         span[1] = 1.0 - span[0]
-        most = _MAX_SEGMENTS_PER_CELL * len(segment)
-        progress[_TARGET] = _TO_EXIT if progress[_SEGMENTS_PASSED] < most else _TO_END
+        limit = _MAX_SEGMENTS_PER_CELL * len(segment)
+        progress[_TARGET] = _TO_EXIT if progress[_SEGMENTS_PASSED] < limit else _TO_END
         return False
     progress[_CELL] += 1
     progress[_TARGET], progress[_SEGMENTS_PASSED], progress[_IS_DIVIDED] = _TO_EXIT, 0, 0
@@ -743,16 +746,16 @@ def _corrects_length(
     """
     j, end = progress[_TARGET], len(y) - 2 * m
     level = high[j, segment[j]] if side[j] > 0 else low[j, segment[j]]
-    miss, rate = y[end + owner[j]] - level, y[end + m + owner[j]]
+    error, rate = y[end + owner[j]] - level, y[end + m + owner[j]]
     if j >= m:
-        miss, rate = miss - _level(levels, j, 1.0), rate - _level_slope(levels, j, 1.0) / (h * span[1])
+        error, rate = error - _level(levels, j, 1.0), rate - _level_slope(levels, j, 1.0) / (h * span[1])
     if (
-        not abs(miss) > _MAX_BREAKPOINT_MISS * (1.0 + abs(level))
+        not abs(error) > _MAX_BREAKPOINT_MISS * (1.0 + abs(level))
         or progress[_LENGTH_CORRECTIONS] >= _MAX_LENGTH_CORRECTIONS
     ):
         return False
-    way = miss / rate / h if abs(rate) > 1e-6 else 0.0
-    span[1] = max(0.5 * span[1], min(span[1] - way, 1.5 * span[1], limit - span[0]))
+    correction = error / rate / h if abs(rate) > 1e-6 else 0.0
+    span[1] = max(0.5 * span[1], min(span[1] - correction, 1.5 * span[1], limit - span[0]))
     progress[_LENGTH_CORRECTIONS] += 1
     return True
 
@@ -760,15 +763,15 @@ def _corrects_length(
 @kernel
 def _may_leave(
     nodes: Array, y: Array, d: Array, v: Array, owner: Integers, levels: Array, segment: Integers, low: Array,
-    high: Array, h: float, at: Array,
+    high: Array, h: float, exits: Array,
 ) -> bool:  # fmt: skip
-    """Return whether any element or contact may leave its segment; ``at`` is 0 for these and inf for the others."""
-    found = False
+    """Return whether any element or contact may leave its segment; ``exits`` are 0 for these and inf for the others."""
+    any_may_leave = False
     for j in range(len(segment)):
-        at[j] = np.inf
+        exits[j] = np.inf
         if _may_leave_segment(nodes, y, d, v, j, owner[j], levels, low[j, segment[j]], high[j, segment[j]], h):
-            at[j], found = 0.0, True
-    return found
+            exits[j], any_may_leave = 0.0, True
+    return any_may_leave
 
 
 @kernel
@@ -780,17 +783,17 @@ def _may_leave_segment(
     Between two nodes d exceeds both values at most by a quarter of the interval times the change of the rate. The test
     allows for more than twice that, and for nothing where the rate is large and of one sign at both nodes.
     """
-    m, moves = len(d), row != j
+    m, is_contact = len(d), row != j
     x0, d0, v0 = 0.0, d[j], v[j]
-    if moves:
+    if is_contact:
         d0, v0 = d0 - levels[row, 0], v0 - levels[row, 1] / h
     rate = abs(v0)
     for i in range(len(nodes)):
-        v1 = y[i * 2 * m + m + j] - (_level_slope(levels, row, nodes[i]) / h if moves else 0.0)
+        v1 = y[i * 2 * m + m + j] - (_level_slope(levels, row, nodes[i]) / h if is_contact else 0.0)
         rate = max(rate, abs(v1))
     for i in range(len(nodes)):
         d1, v1 = y[i * 2 * m + j], y[i * 2 * m + m + j]
-        if moves:
+        if is_contact:
             d1, v1 = d1 - _level(levels, row, nodes[i]), v1 - _level_slope(levels, row, nodes[i]) / h
         if d1 > high or d1 < low:
             return True
@@ -805,25 +808,25 @@ def _may_leave_segment(
 @kernel
 def _first_exit(
     dense: Array, values: Array, slopes: Array, nodes: Array, y: Array, d: Array, v: Array, owner: Integers,
-    levels: Array, segment: Integers, low: Array, high: Array, h: float, at: Array, side: Integers, samples: Array,
+    levels: Array, segment: Integers, low: Array, high: Array, h: float, exits: Array, side: Integers, samples: Array,
 ) -> int:  # fmt: skip
-    """Return the element or contact that first leaves its segment, or -1; ``at`` and ``side`` are the exits of all.
+    """Return the element or contact that first leaves its segment, or -1; ``exits`` and ``side`` are the exits of all.
 
-    ``at`` is in units of the step, inf without exit. Only those with a finite ``at`` are tested, see `_may_leave`.
+    ``exits`` are in units of the step, inf without exit. Only rows with a finite value are tested, see `_may_leave`.
     """
     first = -1
-    c, here, rates, data = samples[0], samples[1], samples[2], samples[3]
+    c, gaps, rates, data = samples[0], samples[1], samples[2], samples[3]
     for j in range(len(segment)):
-        if at[j] == np.inf:
+        if exits[j] == np.inf:
             continue
         _end_values(y, d[owner[j]], v[owner[j]], h, owner[j], len(d), data)
         if j >= len(d):
             _subtract_level(nodes, levels, j, data)
-        _apply(values, data, here)
+        _apply(values, data, gaps)
         _apply(slopes, data, rates)
         _apply(dense, data, c)
-        at[j], side[j] = _exit_of_element(c, len(dense), here, rates, low[j, segment[j]], high[j, segment[j]])
-        if at[j] < np.inf and (first < 0 or at[j] < at[first]):
+        exits[j], side[j] = _exit_of_element(c, len(dense), gaps, rates, low[j, segment[j]], high[j, segment[j]])
+        if exits[j] < np.inf and (first < 0 or exits[j] < exits[first]):
             first = j
     return first
 
@@ -869,7 +872,7 @@ def _exit_of_element(c: Array, n: int, d: Array, v: Array, low: float, high: flo
     largest = 0.0
     for i in range(SAMPLES_PER_STEP + 1):
         largest = max(largest, abs(d[i]))
-    slack = BREAKPOINT_TOLERANCE * (1.0 + largest)
+    tolerance = BREAKPOINT_TOLERANCE * (1.0 + largest)
     x0, y0 = 0.0, d[0]
     for i in range(SAMPLES_PER_STEP):
         for part in range(2):
@@ -880,9 +883,9 @@ def _exit_of_element(c: Array, n: int, d: Array, v: Array, low: float, high: flo
                 y = value(c, n, x)
             else:
                 x, y = (i + 1.0) / SAMPLES_PER_STEP, d[i + 1]
-            if y > high + slack:
+            if y > high + tolerance:
                 return _root(c, n, high, x0, x, y0 - high, y - high), 1
-            if y < low - slack:
+            if y < low - tolerance:
                 return _root(c, n, low, x0, x, y0 - low, y - low), -1
             x0, y0 = x, y
     return np.inf, 0
@@ -900,9 +903,9 @@ def _root(c: Array, n: int, level: float, a: float, b: float, fa: float, fb: flo
             a, fa = b, fb
         else:
             fa *= 0.5
-        moved = abs(x - b)
+        change = abs(x - b)
         b, fb = x, f
-        if moved <= 1e-14 or f == 0:
+        if change <= 1e-14 or f == 0:
             break
     return b
 
@@ -911,10 +914,10 @@ def _root(c: Array, n: int, level: float, a: float, b: float, fa: float, fb: flo
 def value(c: Array, n: int, x: float) -> float:
     """Return the Chebyshev series of n terms at x in (0, 1) by Clenshaw's algorithm."""
     t = 4.0 * x - 2.0
-    one, two = 0.0, 0.0
+    b_1, b_2 = 0.0, 0.0
     for i in range(n - 1, 0, -1):
-        one, two = t * one - two + c[i], one
-    total: float = 0.5 * t * one - two + c[0]
+        b_1, b_2 = t * b_1 - b_2 + c[i], b_1
+    total: float = 0.5 * t * b_1 - b_2 + c[0]
     return total
 
 

@@ -58,14 +58,14 @@ class LawTable:
     @staticmethod
     def of(laws: Sequence[Law]) -> LawTable:
         """Return the table of laws in order."""
-        known = [moving_springs_of(law) for law in laws]
-        parts = [((), 0.0, 0.0) if part is None else part for part in known]
-        springs = [(j, one) for j, part in enumerate(parts) for one in part[0]]
+        splits = [moving_springs_of(law) for law in laws]
+        terms = [((), 0.0, 0.0) if part is None else part for part in splits]
+        springs = [(j, spring) for j, part in enumerate(terms) for spring in part[0]]
         element = np.array([j for j, _ in springs], dtype=int)
-        is_contact = np.array([_moves(one) for _, one in springs], dtype=bool)
+        is_contact = np.array([_moves(spring) for _, spring in springs], dtype=bool)
         contact = np.where(is_contact, np.cumsum(is_contact) - 1, -1).astype(int)
-        edges = [_edges(law, part and part[0]) for law, part in zip(laws, known, strict=True)]
-        edges += [one.spring.breakpoints for _, one in springs if _moves(one)]
+        edges = [_edges(law, part and part[0]) for law, part in zip(laws, splits, strict=True)]
+        edges += [spring.spring.breakpoints for _, spring in springs if _moves(spring)]
         P = max(map(len, edges)) + 1
         low, high = np.full((2, len(edges), P), np.inf)
         for j, inner in enumerate(edges):
@@ -74,15 +74,15 @@ class LawTable:
         stiffness = np.zeros((len(springs), 1 + max([0, *(x.spring.stiffness.order for _, x in springs)])), complex)
         for i, (j, (spring, _)) in enumerate(springs):
             inner = edges[j if contact[i] < 0 else len(laws) + contact[i]]
-            on = [bisect_right(spring.corners, x) for x in (-np.inf, *inner)]
+            zones = [bisect_right(spring.corners, x) for x in (-np.inf, *inner)]
             start, changes, breakpoints = spring.ramps
-            slope[i, : len(on)] = np.array(spring.slopes)[on]
-            offset[i, : len(on)] = start - np.concatenate([[0.0], np.cumsum(changes * breakpoints)])[on]
+            slope[i, : len(zones)] = np.array(spring.slopes)[zones]
+            offset[i, : len(zones)] = start - np.concatenate([[0.0], np.cumsum(changes * breakpoints)])[zones]
             if isinstance(spring.stiffness, Series):
                 row = to_complex(spring.stiffness.row())
                 stiffness[i, : len(row)] = row
-        cubic = np.array([part[1:] for part in parts]).reshape(len(laws), 2)
-        in_python = np.array([part is None for part in known], dtype=bool)
+        cubic = np.array([part[1:] for part in terms]).reshape(len(laws), 2)
+        in_python = np.array([part is None for part in splits], dtype=bool)
         return LawTable(element, contact, slope, offset, stiffness, low, high, cubic, in_python)
 
     @property
@@ -104,19 +104,19 @@ class LawTable:
         if len(kinds) > 1:
             raise ValueError("the models must have laws of the same kind, element by element")
         stiffness = [np.pad(t.stiffness, ((0, 0), (0, L - t.stiffness.shape[1]))) for t in tables]
-        each = {
+        rows = {
             name: np.array([getattr(t, name) for t in tables]) for name in ("slope", "offset", "low", "high", "cubic")
         }
         first = tables[0]
-        return LawTable(first.element, first.contact, stiffness=np.array(stiffness), in_python=first.in_python, **each)
+        return LawTable(first.element, first.contact, stiffness=np.array(stiffness), in_python=first.in_python, **rows)
 
 
-def _moves(one: MovingSpring) -> bool:
-    return one.level is not None
+def _moves(spring: MovingSpring) -> bool:
+    return spring.level is not None
 
 
 def _edges(law: Law, springs: Sequence[MovingSpring] | None) -> tuple[float, ...]:
     """Return the constant breakpoints of the springs of a law, or of the law itself if it has no springs."""
     if springs is None:
         return tuple(sorted(law.breakpoints))
-    return tuple(sorted({x for one in springs if not _moves(one) for x in one.spring.breakpoints}))
+    return tuple(sorted({x for spring in springs if not _moves(spring) for x in spring.spring.breakpoints}))

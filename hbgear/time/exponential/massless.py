@@ -23,9 +23,9 @@ def check_masses_of_elements(structure: LinearStructure) -> None:
         return
     modes = modes_of(structure)
     rates = np.abs(np.diag(modes.output @ modes.input))
-    acts = rates > MATRIX_ROUNDING * np.diag(np.abs(modes.output) @ np.abs(modes.input))
-    if acts.any():
-        element = structure.system.elements[int(np.argmax(acts))]
+    massless = rates > MATRIX_ROUNDING * np.diag(np.abs(modes.output) @ np.abs(modes.input))
+    if massless.any():
+        element = structure.system.elements[int(np.argmax(massless))]
         raise ValueError(
             f"element '{element.name}' acts on coordinates without mass, which the exponential method, sweeps and "
             "basins do not integrate: use hb.time.integrate(..., method='DOP853') or hb.time.shoot, or give them masses"
@@ -40,9 +40,9 @@ def following_loads(structure: LinearStructure, Omega: Array) -> Array:
         return out
     basis = mass_basis(structure.M)
     static = state_equations(system, structure.M, structure.C, structure.K, basis, basis).G
-    for own, w in zip(out, Omega.tolist(), strict=True):
+    for row, w in zip(out, Omega.tolist(), strict=True):
         F = load_harmonics(system, w)
         force, rate = F.sum(axis=1).real, (F @ (1j * w * np.arange(F.shape[1]))).real
-        own[: system.n] = static @ force
-        own[system.n :] = (modes.right @ (modes.left @ force)).real + static @ rate
+        row[: system.n] = static @ force
+        row[system.n :] = (modes.right @ (modes.left @ force)).real + static @ rate
     return out

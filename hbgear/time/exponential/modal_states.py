@@ -53,13 +53,13 @@ class StoredModes:
 
     Attributes
     ----------
-    kept : ndarray, shape (q,)
+    indices : ndarray, shape (q,)
         Index of each of these modes in all modes.
     factor : ndarray, shape (q,)
         2 for a mode of a pair, 1 for a real mode.
     """
 
-    kept: Integers
+    indices: Integers
     factor: Array
 
     @staticmethod
@@ -99,8 +99,8 @@ class StateBatch:
 
     def replace(self, rows: Integers, other: StateBatch) -> None:
         """Replace some of the motions."""
-        for own, new in zip(self.arrays(), other.arrays(), strict=True):
-            own[rows] = new
+        for target, new in zip(self.arrays(), other.arrays(), strict=True):
+            target[rows] = new
 
     def arrays(self) -> tuple[Array, Array, Array, Integers]:
         """Return zeta, d, v and segment."""

@@ -11,14 +11,14 @@ from hbgear.time.exponential.segments import Integers
 
 @kernel
 def is_periodic(
-    past: Array, p: int, periods: int, window: int, weights: Array, size: Array, tolerance: float, period: Integers,
-    left: Array, guess: Integers,
+    history: Array, p: int, periods: int, window: int, weights: Array, size: Array, tolerance: float, period: Integers,
+    remaining_distance: Array, guess: Integers,
 ) -> None:  # fmt: skip
     """Estimate the period and the remaining distance of B motions after p excitation periods.
 
     Parameters
     ----------
-    past : ndarray, shape (T, B, r)
+    history : ndarray, shape (T, B, r)
         States; the state after i periods has the index (i - 1) % T. T is at least 2 window + periods.
     p : int
         Number of periods integrated.
@@ -34,15 +34,15 @@ def is_periodic(
         Remaining distance, relative to the size, below which a motion is settled.
     period : ndarray, shape (B,)
         Output: period, 0 if the motion is not settled.
-    left : ndarray, shape (B,)
+    remaining_distance : ndarray, shape (B,)
         Output: remaining distance for the period ``guess``.
     guess : ndarray, shape (B,)
         Output: period with the smallest remaining distance.
     """
-    T, B, r = past.shape
+    T, B, r = history.shape
     for b in range(B):
         row = b if len(weights) > 1 else 0
-        period[b], guess[b], left[b] = 0, 1, np.inf
+        period[b], guess[b], remaining_distance[b] = 0, 1, np.inf
         first = small = 0
         for k in range(1, periods + 1):
             new = old = 0.0
@@ -51,7 +51,7 @@ def is_periodic(
                 if p - i - k >= 0:
                     x, y, total = (p - i - 1) % T, (p - i - k - 1) % T, 0.0
                     for a in range(r):
-                        total += (weights[row, a] * (past[x, b, a] - past[y, b, a])) ** 2
+                        total += (weights[row, a] * (history[x, b, a] - history[y, b, a])) ** 2
                     distance = np.sqrt(total)
                 if i < window:
                     new = distance if not distance <= new else new
@@ -62,8 +62,8 @@ def is_periodic(
                 remaining = 0.0
             elif new < old:
                 remaining = new / (1.0 - (new / old) ** (k / window)) / size[b]
-            if remaining < left[b]:
-                left[b], guess[b] = remaining, k
+            if remaining < remaining_distance[b]:
+                remaining_distance[b], guess[b] = remaining, k
             if first == 0 and remaining <= tolerance:
                 first = k
             if small == 0 and new <= 30.0 * tolerance * size[b]:

@@ -59,9 +59,9 @@ class LawSegments:
             low[j], high[j] = edges[:-1], edges[1:]
             if spring is not None:
                 g0, changes, _ = spring.ramps
-                used = slice(0, len(breakpoints) + 1)
-                slope[j, used] = spring.slopes
-                offset[j, used] = g0 - np.concatenate([[0.0], np.cumsum(changes * breakpoints)])
+                zones = slice(0, len(breakpoints) + 1)
+                slope[j, zones] = spring.slopes
+                offset[j, zones] = g0 - np.concatenate([[0.0], np.cumsum(changes * breakpoints)])
         return LawSegments(slope, offset, low, high, np.array([spring is not None for spring in springs]))
 
     def numbers(self) -> tuple[Array, Array, Array, Array]:
@@ -75,8 +75,8 @@ class LawSegments:
 
 def segment_at(high: Array, d: Array, v: Array) -> Integers:
     """Return `LawSegments.at` for segments with upper ends ``high`` (..., m, segments)."""
-    ahead = d + np.where(np.abs(v) > 0, np.sign(v), 1.0) * BREAKPOINT_TOLERANCE * (1 + np.abs(d))
-    segment: Array = np.sum(ahead[..., None] > high, axis=-1)
+    shifted = d + np.where(np.abs(v) > 0, np.sign(v), 1.0) * BREAKPOINT_TOLERANCE * (1 + np.abs(d))
+    segment: Array = np.sum(shifted[..., None] > high, axis=-1)
     return segment
 
 
@@ -117,29 +117,29 @@ def first_exit(
     side : ndarray, shape (S,)
         End of the segment: -1 for low, +1 for high, 0 without exit.
     """
-    at, side = np.full(len(d), np.inf), np.zeros(len(d), dtype=int)
-    slack = BREAKPOINT_TOLERANCE * (1 + np.abs(d).max(axis=1))
+    exits, side = np.full(len(d), np.inf), np.zeros(len(d), dtype=int)
+    tolerance = BREAKPOINT_TOLERANCE * (1 + np.abs(d).max(axis=1))
 
     rows, cells = np.nonzero(v[:, :-1] * v[:, 1:] < 0)
     a, b = v[rows, cells], v[rows, cells + 1]
-    top = x[cells] + (x[cells + 1] - x[cells]) * a / (a - b)
+    extrema = x[cells] + (x[cells + 1] - x[cells]) * a / (a - b)
     row = np.concatenate([np.repeat(np.arange(len(d)), len(x)), rows])
-    abscissa = np.concatenate([np.tile(x, len(d)), top])
-    y = np.concatenate([d.ravel(), value(rows, top) if rows.size else top])
+    abscissa = np.concatenate([np.tile(x, len(d)), extrema])
+    y = np.concatenate([d.ravel(), value(rows, extrema) if rows.size else extrema])
     order = np.lexsort((abscissa, row))
     row, abscissa, y = row[order], abscissa[order], y[order]
-    out = (y > high[row] + slack[row]).astype(int) - (y < low[row] - slack[row])
+    out = (y > high[row] + tolerance[row]).astype(int) - (y < low[row] - tolerance[row])
     out[np.searchsorted(row, np.arange(len(d)))] = 0  # the start is on its segment, to rounding
     outside = np.flatnonzero(out)
-    found, first = np.unique(row[outside], return_index=True)
-    if found.size == 0:
-        return at, side
-    pick = outside[first]
-    side[found] = out[pick]
-    level = np.where(side[found] > 0, high[found], low[found])
-    before, after = (abscissa[pick - 1], y[pick - 1] - level), (abscissa[pick], y[pick] - level)
-    at[found] = _bracketed_roots(lambda z: value(found, z) - level, before[0], after[0], before[1], after[1])
-    return at, side
+    leaving, first = np.unique(row[outside], return_index=True)
+    if leaving.size == 0:
+        return exits, side
+    index = outside[first]
+    side[leaving] = out[index]
+    level = np.where(side[leaving] > 0, high[leaving], low[leaving])
+    before, after = (abscissa[index - 1], y[index - 1] - level), (abscissa[index], y[index] - level)
+    exits[leaving] = _bracketed_roots(lambda z: value(leaving, z) - level, before[0], after[0], before[1], after[1])
+    return exits, side
 
 
 def _bracketed_roots(f: Callable[[Array], Array], a: Array, b: Array, fa: Array, fb: Array) -> Array:
@@ -151,10 +151,10 @@ def _bracketed_roots(f: Callable[[Array], Array], a: Array, b: Array, fa: Array,
         c = b - fb * np.divide(b - a, fb - fa, out=np.zeros_like(b), where=fb != fa)
         c = np.where(outside, a, c)
         fc = np.where(outside, 0.0, f(c))
-        across = fc * fb < 0
-        a, fa = np.where(across, b, a), np.where(across, fb, 0.5 * fa)
-        moved = np.abs(c - b)
+        crosses = fc * fb < 0
+        a, fa = np.where(crosses, b, a), np.where(crosses, fb, 0.5 * fa)
+        change = np.abs(c - b)
         b, fb = c, fc
-        if np.all((moved <= ROOT_TOLERANCE) | (fc == 0)):
+        if np.all((change <= ROOT_TOLERANCE) | (fc == 0)):
             break
     return b

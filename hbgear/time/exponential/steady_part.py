@@ -18,11 +18,11 @@ from hbgear.time.exponential.segments import Integers
 def highest_order(systems: list[System]) -> int:
     """Return the highest harmonic order of the displacements and loads of some systems."""
     orders = [[e.displacement.order for e in s.elements] + [load.order for load in s.loads] for s in systems]
-    return max(0, *(order for each in orders for order in each))
+    return max(0, *(order for system_orders in orders for order in system_orders))
 
 
 def steady_part(
-    structure: LinearStructure, system: System, kept: Integers, Omega: float, order: int
+    structure: LinearStructure, system: System, indices: Integers, Omega: float, order: int
 ) -> tuple[ComplexArray, ComplexArray]:
     """Return z_steady (q,) of the stored modes at tau = 0, and the harmonics of its d and v (order + 1, 2 m)."""
     k = np.arange(order + 1)
@@ -38,7 +38,7 @@ def steady_part(
     positive = (F @ modes.left.T + pull @ modes.input.T) / (rate - modes.poles)
     negative = (F.conj() @ modes.left.T + pull.conj() @ modes.input.T) / (-rate - modes.poles)
     d = positive @ modes.output.T - e
-    z: Array = 0.5 * (positive + negative)[:, kept].sum(axis=0)
+    z: Array = 0.5 * (positive + negative)[:, indices].sum(axis=0)
     return z, np.concatenate([d, rate * d], axis=1)
 
 

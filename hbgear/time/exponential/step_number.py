@@ -52,25 +52,25 @@ def resolved(integrator: Any, motions: StateBatch) -> Any:
     """
     largest = np.argsort(-np.abs(motions.zeta + integrator.z).max(axis=1))[:CHECKED_MOTIONS]
     limit = min(integrator.N * MAX_REFINEMENT, MAX_EXCITATION_STEPS)
-    own, end = integrator, _after_a_period(integrator, motions, largest)
-    while limit >= 2 * own.N:
-        finer = integrator.at(integrator.Omega, 2 * own.N)
+    current, end = integrator, _after_a_period(integrator, motions, largest)
+    while limit >= 2 * current.N:
+        finer = integrator.at(integrator.Omega, 2 * current.N)
         after = _after_a_period(finer, motions, largest)
         size = np.abs(after + integrator.z[largest if integrator.rows > 1 else 0]).max()
         if not np.abs(after - end).max() > MAX_STEP_CHANGE * size:  # also if the motion diverges
-            return own
-        own, end = finer, after
+            return current
+        current, end = finer, after
     warnings.warn(
-        f"{own.N} steps per period do not resolve a law (twice as many change the motion by more than "
+        f"{current.N} steps per period do not resolve a law (twice as many change the motion by more than "
         f"{MAX_STEP_CHANGE:g}): use hb.time.integrate with method='DOP853' or 'Radau'",
         RuntimeWarning, stacklevel=4,
     )  # fmt: skip
-    return own
+    return current
 
 
-def _after_a_period(integrator: Any, motions: StateBatch, some: Integers) -> Array:
+def _after_a_period(integrator: Any, motions: StateBatch, rows: Integers) -> Array:
     """Return zeta of some motions after one period."""
-    ahead, one = motions.select(some), copy.copy(integrator.select(some))
-    one.adaptive = False
-    one.advance(ahead)
-    return ahead.zeta
+    batch, single = motions.select(rows), copy.copy(integrator.select(rows))
+    single.adaptive = False
+    single.advance(batch)
+    return batch.zeta

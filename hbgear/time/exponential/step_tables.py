@@ -73,9 +73,9 @@ class Steps:
     ----------
     plan, method : Plan, Method
         See `kernels`.
-    whole : Tables
+    cells : Tables
         Tables of whole cells.
-    folded : ndarray
+    maps : ndarray
         Steps over whole cells that are linear in the state alone, see `kernels.fold`; empty if they need more products
         than the solution for w.
     cost : int
@@ -84,8 +84,8 @@ class Steps:
 
     plan: Any
     method: Any
-    whole: Any
-    folded: Array
+    cells: Any
+    maps: Array
     cost: int
     _curves: dict[bool, Any] = field(default_factory=dict)
 
@@ -95,21 +95,21 @@ class Steps:
         from hbgear.time.exponential.kernels import fill, fold
 
         (R, m), P, size, s = plan.kr.shape, plan.low.shape[2], 2 * plan.poles.shape[1], len(method.lagrange)
-        n, r, (whole, work) = (s + 1) * 2 * m, s * m, _allocate(plan, method, R, N)
-        fill(plan, method, breakpoints, np.ones(R), work, whole)
+        n, r, (cells, work) = (s + 1) * 2 * m, s * m, _allocate(plan, method, R, N)
+        fill(plan, method, breakpoints, np.ones(R), work, cells)
         cost = size * n + 2 * r * n + r**3 + size * r
         shape, has_contacts = (N, P**m, size + 1, n + size), plan.low.shape[1] > m
         is_smaller = size * (n + size) <= cost and math.prod(shape) <= _MAX_FOLDED_ENTRIES
         if R > 1 or not method.straight or has_contacts or not is_smaller:
-            return Steps(plan, method, whole, np.empty((0, 0, 0, 0)), cost)
-        folded = np.empty(shape)
-        fold(plan, method, breakpoints, whole, work, folded)
-        return Steps(plan, method, whole, folded, size * (n + size))
+            return Steps(plan, method, cells, np.empty((0, 0, 0, 0)), cost)
+        maps = np.empty(shape)
+        fold(plan, method, breakpoints, cells, work, maps)
+        return Steps(plan, method, cells, maps, size * (n + size))
 
     def select(self, rows: Integers) -> Steps:
         """Return the steps of some rows."""
-        plan, whole = (type(each)(*(x[rows] for x in each)) for each in (self.plan, self.whole))
-        return Steps(plan, self.method, whole, self.folded, self.cost)
+        plan, cells = (type(table)(*(x[rows] for x in table)) for table in (self.plan, self.cells))
+        return Steps(plan, self.method, cells, self.maps, self.cost)
 
     def curves(self, many: bool) -> Any:
         """Return `kernels.Tables` of D Chebyshev coefficients over the length.

@@ -44,11 +44,11 @@ class ContactFlow:
     """
 
     def __init__(self, elements: Sequence[Element]) -> None:
-        found = [(j, one) for j, element in enumerate(elements) for one in element.law.damped]
-        self.element = np.array([j for j, _ in found], dtype=int)
-        numbers = np.array([(one.side, one.gap, one.k, one.c) for _, one in found], dtype=float).reshape(-1, 4)
+        contacts = [(j, c) for j, element in enumerate(elements) for c in element.law.damped]
+        self.element = np.array([j for j, _ in contacts], dtype=int)
+        numbers = np.array([(c.side, c.gap, c.k, c.c) for _, c in contacts], dtype=float).reshape(-1, 4)
         self.side, self.gap, self.k, self.c = numbers.T
-        self.clipped = np.array([one.clipped for _, one in found], dtype=bool)
+        self.clipped = np.array([c.clipped for _, c in contacts], dtype=bool)
 
     def __len__(self) -> int:
         return len(self.element)
@@ -63,17 +63,17 @@ class ContactFlow:
     def at(self, d: Array, v: Array) -> Integers:
         """Return the state (Q,) of each contact at displacements and rates (m,)."""
         depth, rate, force = self._state(d, v)
-        near = _ON_CONTACT * (1 + np.abs(self.gap))
-        inside = (depth > near) | ((np.abs(depth) <= near) & (rate > 0))
+        tolerance = _ON_CONTACT * (1 + np.abs(self.gap))
+        inside = (depth > tolerance) | ((np.abs(depth) <= tolerance) & (rate > 0))
         return np.where(~inside, FREE, np.where(self.clipped & (force <= 0), OPEN, PUSHES))
 
     def add_forces(self, state: Integers, d: Array, v: Array, p: Array, kd: Array, kv: Array) -> None:
         """Add forces and slopes to p, dp/dd and dp/dv (m,)."""
         if len(self):
-            acts = state == PUSHES
-            np.add.at(p, self.element, np.where(acts, self.side * self._state(d, v)[2], 0.0))
-            np.add.at(kd, self.element, self.k * acts)
-            np.add.at(kv, self.element, self.c * acts)
+            closed = state == PUSHES
+            np.add.at(p, self.element, np.where(closed, self.side * self._state(d, v)[2], 0.0))
+            np.add.at(kd, self.element, self.k * closed)
+            np.add.at(kv, self.element, self.c * closed)
 
     def exits(self, flow: Any, solver: Any, state: Integers) -> Array:
         """Return the instants (Q,) in the last step at which contacts leave their states, inf if they do not."""
@@ -82,26 +82,26 @@ class ContactFlow:
         dense = solver.dense_output()
         t = np.linspace(solver.t_old, solver.t, SAMPLES_PER_STEP + 1)
 
-        def tests(at: Array) -> Array:
+        def tests(instants: Array) -> Array:
             """Return functions (Q, T) that become positive where a contact leaves its state."""
-            depth, _, force = self._state(*flow.gaps_over(at, dense(at)))
-            leaves = np.where(self.clipped[:, None], -force, -depth)
+            depth, _, force = self._state(*flow.gaps_over(instants, dense(instants)))
+            exit_value = np.where(self.clipped[:, None], -force, -depth)
             column = state[:, None]
-            return np.select([column == FREE, column == PUSHES], [depth, leaves], np.maximum(-depth, force))
+            return np.select([column == FREE, column == PUSHES], [depth, exit_value], np.maximum(-depth, force))
 
-        def value(rows: Integers, at: Array) -> Array:
-            return np.array([tests(np.array([x]))[i, 0] for i, x in zip(rows, at, strict=True)])
+        def value(rows: Integers, instants: Array) -> Array:
+            return np.array([tests(np.array([x]))[i, 0] for i, x in zip(rows, instants, strict=True)])
 
         samples = tests(t)
         low, high = np.full(len(self), -np.inf), np.zeros(len(self))
         return first_exit(t, samples, np.gradient(samples, t, axis=1), low, high, value)[0]
 
-    def after(self, flow: Any, t: float, Y: Array, state: Integers, passed: np.ndarray) -> tuple[Array, Integers]:
-        """Return the state of the motion and of the contacts after an event at t of the contacts ``passed``."""
+    def after(self, flow: Any, t: float, Y: Array, state: Integers, changed: np.ndarray) -> tuple[Array, Integers]:
+        """Return the state of the motion and of the contacts after an event at t of the contacts ``changed``."""
         Y, N = flow.columns_of(Y[:, None])[..., 0].copy(), flow.order
         depth, _, force = self._state(*flow.gaps(t, Y.ravel()))
         state = state.copy()
-        for i in np.flatnonzero(passed).tolist():
+        for i in np.flatnonzero(changed).tolist():
             j, before = self.element[i], state[i]
             if before == FREE:
                 state[i] = PUSHES

@@ -27,7 +27,7 @@ class Interval:
     ----------
     begin, end : float
         Ends of the interval, in units of time.
-    at : float
+    center : float
         Phase in the middle, in radians.
     rows : ndarray, shape (3 m, 4)
         Coefficients about this phase of e, e' and the stiffness of the linear segments, for piecewise polynomials; zero
@@ -36,7 +36,7 @@ class Interval:
 
     begin: float
     end: float
-    at: float
+    center: float
     rows: Array
 
 
@@ -75,8 +75,8 @@ class Excitation:
     def _harmonics(self, system: System, rates: Callable[[Array], Array]) -> ComplexArray:
         """Return `series`."""
         m, loads = self.m, load_harmonics(system, self.Omega)
-        rows, stiffness = ([one.row() if isinstance(one, Series) else np.zeros(1) for one in each]
-                           for each in (self.displacements, self._stiffness))  # fmt: skip
+        rows, stiffness = ([f.row() if isinstance(f, Series) else np.zeros(1) for f in functions]
+                           for functions in (self.displacements, self._stiffness))  # fmt: skip
         accelerations = rates(loads.real) + 1j * rates(loads.imag)
         L = max([len(r) // 2 for r in (*rows, *stiffness)] + [loads.shape[1] - 1])
         c = np.zeros((3 * m + len(accelerations), L + 1), dtype=complex)
@@ -87,32 +87,32 @@ class Excitation:
         c[3 * m :, : loads.shape[1]] = accelerations
         return c
 
-    def between(self, t: float) -> Interval:
+    def interval_at(self, t: float) -> Interval:
         """Return the interval between breakpoints of the excitation that contains t or begins at t."""
         if not self.breakpoints.size:
             return self._no_breakpoints
         tau = self.Omega * t
         turns = np.floor((tau - self.breakpoints[0]) / (2 * np.pi))
-        around = np.append(self.breakpoints, self.breakpoints[0] + 2 * np.pi) + 2 * np.pi * (
+        candidates = np.append(self.breakpoints, self.breakpoints[0] + 2 * np.pi) + 2 * np.pi * (
             turns + np.array([[-1], [0], [1]])
         )
-        breakpoints = np.unique(around) / self.Omega
+        breakpoints = np.unique(candidates) / self.Omega
         i = int(np.searchsorted(breakpoints, t + 1e-13 * (abs(t) + 1 / self.Omega), side="right"))
         begin, end = float(breakpoints[i - 1]), float(breakpoints[i])
-        at, m = 0.5 * self.Omega * (begin + end), self.m
+        center, m = 0.5 * self.Omega * (begin + end), self.m
         rows = np.zeros((3 * m, 4))
         rows[:m], rows[2 * m :] = (
-            _taylor_coefficients(self.displacements, at),
-            _taylor_coefficients(self._stiffness, at),
+            _taylor_coefficients(self.displacements, center),
+            _taylor_coefficients(self._stiffness, center),
         )
         rows[m : 2 * m, :3] = self.Omega * rows[:m, 1:] * [1, 2, 3]
-        return Interval(begin, end, at, rows)
+        return Interval(begin, end, center, rows)
 
-    def at(self, t: float, between: Interval) -> tuple[Array, Array, Array, Array]:
+    def at(self, t: float, interval: Interval) -> tuple[Array, Array, Array, Array]:
         """Return e, e', the stiffness of the linear segments and the loads at t."""
         s, m = (self.series @ np.exp(1j * self.Omega * t * self.orders)).real, self.m
-        if between is not self._no_breakpoints:
-            s[: 3 * m] += between.rows @ (self.Omega * t - between.at) ** np.arange(4)
+        if interval is not self._no_breakpoints:
+            s[: 3 * m] += interval.rows @ (self.Omega * t - interval.center) ** np.arange(4)
         return s[:m], s[m : 2 * m], s[2 * m : 3 * m], s[3 * m :]
 
     def over(self, t: Array) -> tuple[Array, Array]:
@@ -125,12 +125,12 @@ class Excitation:
                 s[m + j] += self.Omega * e(self.Omega * t, 1)
         return s[:m], s[m:]
 
-    def phase(self, t: float, between: Interval) -> float:
+    def phase(self, t: float, interval: Interval) -> float:
         """Return tau for the evaluation of laws; at the ends of the interval it is moved inside by rounding."""
-        if between is self._no_breakpoints:
+        if interval is self._no_breakpoints:
             return self.Omega * t
         inside = 1e-14 * (abs(t) + 1 / self.Omega)
-        return self.Omega * min(max(t, between.begin + inside), between.end - inside)
+        return self.Omega * min(max(t, interval.begin + inside), interval.end - inside)
 
     def size(self) -> float:
         """Return the largest displacement of the piecewise polynomials, and the largest harmonic of the series."""
@@ -141,7 +141,7 @@ class Excitation:
 def _taylor_coefficients(functions: list[Phased], tau: float) -> Array:
     """Return the coefficients (m, 4) about tau of functions that have breakpoints; zero for the others."""
     out = np.zeros((len(functions), 4))
-    for own, function in zip(out, functions, strict=True):
+    for row, function in zip(out, functions, strict=True):
         if function.corners:
-            own[:] = [float(function(tau, q)) / factorial(q) for q in range(4)]
+            row[:] = [float(function(tau, q)) / factorial(q) for q in range(4)]
     return out

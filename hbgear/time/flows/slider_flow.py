@@ -50,17 +50,17 @@ class SliderFlow:
     """
 
     def __init__(self, elements: Sequence[Element]) -> None:
-        found = friction_limits(elements)
-        self.element = np.array([j for j, *_ in found], dtype=int)
-        self.normal = np.array([limit.normal for *_, limit in found], dtype=int)
-        self.k, self.residual = np.array([(one.k, one.residual) for _, one, _ in found]).reshape(-1, 2).T
-        self._waves = [(i, limit.wave) for i, (*_, limit) in enumerate(found) if limit.wave.varies]
-        B = max([0, *(len(limit.level) for *_, limit in found)])
-        self.level, self.gain, self.base = np.full((len(found), B), np.inf), *np.zeros((2, len(found), B + 1))
-        for i, (*_, limit) in enumerate(found):
+        limits = friction_limits(elements)
+        self.element = np.array([j for j, *_ in limits], dtype=int)
+        self.normal = np.array([limit.normal for *_, limit in limits], dtype=int)
+        self.k, self.residual = np.array([(slider.k, slider.residual) for _, slider, _ in limits]).reshape(-1, 2).T
+        self._waves = [(i, limit.wave) for i, (*_, limit) in enumerate(limits) if limit.wave.varies]
+        B = max([0, *(len(limit.level) for *_, limit in limits)])
+        self.level, self.gain, self.base = np.full((len(limits), B), np.inf), *np.zeros((2, len(limits), B + 1))
+        for i, (*_, limit) in enumerate(limits):
             self.level[i, : len(limit.level)] = limit.level
             self.gain[i, : len(limit.gain)], self.base[i, : len(limit.base)] = limit.gain, limit.base
-        self._every = np.arange(len(found))
+        self._indices = np.arange(len(limits))
 
     def __len__(self) -> int:
         return len(self.element)
@@ -68,13 +68,13 @@ class SliderFlow:
     def zones(self, d: Array, v: Array) -> Integers:
         """Return the zones (Q,) of the limits at displacements and rates (m,); on a level the rate decides."""
         x, rate = d[self.normal], v[self.normal]
-        ahead = x + np.where(rate < 0, -1.0, 1.0) * BREAKPOINT_TOLERANCE * (1 + np.abs(x))
-        zone: Integers = np.where(self.normal >= 0, np.sum(ahead[:, None] > self.level, axis=1), 0)
+        shifted = x + np.where(rate < 0, -1.0, 1.0) * BREAKPOINT_TOLERANCE * (1 + np.abs(x))
+        zone: Integers = np.where(self.normal >= 0, np.sum(shifted[:, None] > self.level, axis=1), 0)
         return zone
 
     def limit(self, zone: Integers, tau: Any, Omega: float, d: Array, v: Array) -> tuple[Array, Array, Array]:
         """Return the limits and their rates (Q, ...) at displacements and rates (m, ...), and their gains (Q,)."""
-        gain, base = self.gain[self._every, zone], self.base[self._every, zone]
+        gain, base = self.gain[self._indices, zone], self.base[self._indices, zone]
         columns = (slice(None), *[None] * (d.ndim - 1))
         value = base[columns] + gain[columns] * d[self.normal]
         rate = gain[columns] * v[self.normal]
@@ -85,15 +85,15 @@ class SliderFlow:
 
     def is_open(self, zone: Integers) -> np.ndarray:
         """Return whether the limits (Q,) are zero, because contacts are open."""
-        opened: np.ndarray = (self.gain[self._every, zone] == 0) & (self.base[self._every, zone] == 0)
+        opened: np.ndarray = (self.gain[self._indices, zone] == 0) & (self.base[self._indices, zone] == 0)
         return opened
 
     def positions(self, tau: float, d: Array, z: Array | None = None) -> Array:
         """Return positions (Q,) within the friction limits at displacements d (m,), by default the residual ones."""
         reach = self.limit(self.zones(d, 0 * d), tau, 0.0, d, 0 * d)[0] / self.k
         d = d[self.element]
-        found: Array = np.clip(self.residual if z is None else z, d - reach, d + reach)
-        return found
+        positions: Array = np.clip(self.residual if z is None else z, d - reach, d + reach)
+        return positions
 
     def at(self, tau: float, Omega: float, d: Array, v: Array, z: Array) -> Integers:
         """Return the state (2, Q) of each slider at displacements and rates (m,), see `SLIP` and `ZONE`.
@@ -127,55 +127,55 @@ class SliderFlow:
         t, (slip, zone) = np.linspace(solver.t_old, solver.t, SAMPLES_PER_STEP + 1), state
         opened, sticks = self.is_open(zone)[:, None], (slip == 0)[:, None]
 
-        def tests(at: Array) -> tuple[Array, Array]:
+        def tests(instants: Array) -> tuple[Array, Array]:
             """Return functions (Q, T) in [-1, 1] while sticking or not negative while slipping, and d_n."""
-            Y = dense(at)
-            d, v = flow.gaps_over(at, Y)
+            Y = dense(instants)
+            d, v = flow.gaps_over(instants, Y)
             z = flow.columns_of(Y)[flow.order :, 0]
-            limit, rate, _ = self.limit(zone, flow.Omega * at, flow.Omega, d, v)
+            limit, rate, _ = self.limit(zone, flow.Omega * instants, flow.Omega, d, v)
             stretch = (d[self.element] - z) * self.k[:, None] / np.where(limit > 0, limit, 1e-300)
-            moves = slip[:, None] * v[self.element] - rate / self.k[:, None]
-            return np.where(sticks, stretch, np.where(opened, 1.0, moves)), d[self.normal]
+            sliding = slip[:, None] * v[self.element] - rate / self.k[:, None]
+            return np.where(sticks, stretch, np.where(opened, 1.0, sliding)), d[self.normal]
 
-        def first(which: int, low: Array, high: Array) -> Array:
-            def value(rows: Integers, at: Array) -> Array:
-                return np.array([tests(np.array([x]))[which][i, 0] for i, x in zip(rows, at, strict=True)])
+        def first(index: int, low: Array, high: Array) -> Array:
+            def value(rows: Integers, instants: Array) -> Array:
+                return np.array([tests(np.array([x]))[index][i, 0] for i, x in zip(rows, instants, strict=True)])
 
-            return first_exit(t, samples[which], np.gradient(samples[which], t, axis=1), low, high, value)[0]
+            return first_exit(t, samples[index], np.gradient(samples[index], t, axis=1), low, high, value)[0]
 
         samples = tests(t)
         change = first(0, np.where(slip == 0, -1.0, 0.0), np.where(slip == 0, 1.0, np.inf))
         if (self.normal < 0).all():
             return change, np.full(len(self), np.inf)
         edges = np.pad(self.level, ((0, 0), (1, 1)), constant_values=((0, 0), (-np.inf, np.inf)))
-        low, high = edges[self._every, zone], edges[self._every, zone + 1]
-        leaves = first(1, np.where(self.normal < 0, -np.inf, low), np.where(self.normal < 0, np.inf, high))
-        return change, leaves
+        low, high = edges[self._indices, zone], edges[self._indices, zone + 1]
+        zone_exits = first(1, np.where(self.normal < 0, -np.inf, low), np.where(self.normal < 0, np.inf, high))
+        return change, zone_exits
 
     def after(
-        self, flow: Any, t: float, Y: Array, state: Integers, passed: np.ndarray, left: np.ndarray
+        self, flow: Any, t: float, Y: Array, state: Integers, changed: np.ndarray, zone_left: np.ndarray
     ) -> tuple[Array, Integers]:
         """Return the states of the motion and of the sliders after an event at t.
 
-        ``passed`` are the sliders that begin to slip or stick, ``left`` those whose limits leave their zones.
+        ``changed`` are the sliders that begin to slip or stick, ``zone_left`` those whose limits leave their zones.
         """
         Y, N = flow.columns_of(Y[:, None])[..., 0].copy(), flow.order
         d, v = flow.gaps(t, Y.ravel())
         limit, _, gain = self.limit(state[ZONE], flow.Omega * t, flow.Omega, d, v)
         u, state = flow.D @ Y[:N, 1:], state.copy()
-        for i in np.flatnonzero(passed & ~left).tolist():
+        for i in np.flatnonzero(changed & ~zone_left).tolist():
             j, before = self.element[i], state[SLIP, i]
             side = int(before) or int(np.sign(d[j] - Y[N + i, 0]))
             state[SLIP, i] = 0 if before else side
             Y[N + i, 0] = d[j] - side * limit[i] / self.k[i]
             Y[N + i, 1:] = u[j] - side * gain[i] / self.k[i] * u[self.normal[i]]
-        if left.any():
-            found = self.at(flow.Omega * t, flow.Omega, d, v, Y[N:, 0])
-            for i in np.flatnonzero(left).tolist():
-                j, other = self.element[i], self.normal[i]
-                if state[SLIP, i] and v[other]:
-                    Y[N + i, 1:] = u[j] - v[j] / v[other] * u[other]
-                state[:, i] = found[:, i]
+        if zone_left.any():
+            new_state = self.at(flow.Omega * t, flow.Omega, d, v, Y[N:, 0])
+            for i in np.flatnonzero(zone_left).tolist():
+                j, normal = self.element[i], self.normal[i]
+                if state[SLIP, i] and v[normal]:
+                    Y[N + i, 1:] = u[j] - v[j] / v[normal] * u[normal]
+                state[:, i] = new_state[:, i]
         return Y.ravel(), state
 
 
@@ -203,9 +203,9 @@ def complete_state(flow: Any, t: float, y: Array) -> Array:
     """
     n, Q = 2 * flow.structure.n, len(flow.sliders)
     if y.shape not in ((n,), (n + Q,)):
-        more = f", or ({n + Q},) with the positions of the sliders" if Q else ""
+        hint = f", or ({n + Q},) with the positions of the sliders" if Q else ""
         raise ValueError(
-            f"a state of shape {y.shape} does not fit {n // 2} coordinates; give an array of shape ({n},){more}"
+            f"a state of shape {y.shape} does not fit {n // 2} coordinates; give an array of shape ({n},){hint}"
         )
     if not Q:
         return y

@@ -66,8 +66,8 @@ class StickFlow:
     def __init__(self, elements: Sequence[Element], W: Array, accelerations: Array) -> None:
         self.element = np.array([j for j, e in enumerate(elements) if isinstance(e.law, RigidFriction)], dtype=int)
         for element in elements:
-            parts = [part for part in element.law.parts if isinstance(part, RigidFriction)]
-            if parts and (element.law is not parts[0] or element.displacement.bound):
+            frictions = [part for part in element.law.parts if isinstance(part, RigidFriction)]
+            if frictions and (element.law is not frictions[0] or element.displacement.bound):
                 raise ValueError(
                     f"element '{element.name}' has rigid friction and a prescribed displacement or other laws; give "
                     "the friction an element of its own with the same direction and no displacement"
@@ -124,9 +124,9 @@ class StickFlow:
         state = state.copy()
         while True:
             force = rates(state, t, Y)[1][:, 0]
-            excess = np.abs(force) / self.static
-            i = int(np.argmax(excess))
-            if excess[i] <= 1 + _ON_LIMIT:
+            ratio = np.abs(force) / self.static
+            i = int(np.argmax(ratio))
+            if ratio[i] <= 1 + _ON_LIMIT:
                 return state
             state[i] = int(np.sign(force[i]))
 
@@ -138,40 +138,40 @@ class StickFlow:
         t = np.linspace(solver.t_old, solver.t, SAMPLES_PER_STEP + 1)
         sticks, slides = (state == STICKS)[:, None], state[:, None]
 
-        def tests(at: Array) -> Array:
+        def tests(instants: Array) -> Array:
             """Return holding forces while sticking, and relative speeds while slipping (R, T)."""
-            Y = dense(at)
-            values: Array = slides * (flow.gaps_over(at, Y)[1][self.element] - self.speed[:, None])
+            Y = dense(instants)
+            values: Array = slides * (flow.gaps_over(instants, Y)[1][self.element] - self.speed[:, None])
             if sticks.any():
-                forces = np.array([rates(state, x, y)[1][:, 0] for x, y in zip(at, Y.T, strict=True)]).T
+                forces = np.array([rates(state, x, y)[1][:, 0] for x, y in zip(instants, Y.T, strict=True)]).T
                 values = np.where(sticks, forces, values)
             return values
 
-        def value(rows: Integers, at: Array) -> Array:
-            return np.array([tests(np.array([x]))[i, 0] for i, x in zip(rows, at, strict=True)])
+        def value(rows: Integers, instants: Array) -> Array:
+            return np.array([tests(np.array([x]))[i, 0] for i, x in zip(rows, instants, strict=True)])
 
         samples = tests(t)
         low, high = np.where(sticks[:, 0], -self.static, 0.0), np.where(sticks[:, 0], self.static, np.inf)
         return first_exit(t, samples, np.gradient(samples, t, axis=1), low, high, value)[0]
 
     def after(
-        self, flow: Any, rates: Rates, t: float, Y: Array, state: Integers, passed: np.ndarray
+        self, flow: Any, rates: Rates, t: float, Y: Array, state: Integers, changed: np.ndarray
     ) -> tuple[Array, Integers]:
-        """Return the state of the motion and of the elements after an event at t of the elements ``passed``."""
+        """Return the state of the motion and of the elements after an event at t of the elements ``changed``."""
         Y, n, state = flow.columns_of(Y[:, None])[..., 0].copy(), flow.n, state.copy()
-        for i in np.flatnonzero(passed).tolist():
-            flowing, forces = rates(state, t, Y)
+        for i in np.flatnonzero(changed).tolist():
+            dY, forces = rates(state, t, Y)
             if state[i] == STICKS:
                 h = _RATE_STEP / flow.Omega
-                ahead, behind = (rates(state, t + x, Y + x * flowing)[1][i, 0] for x in (h, -h))
-                change, disturbance = (ahead - behind) / (2 * h), forces[i, 1:]
+                force_after, force_before = (rates(state, t + x, Y + x * dY)[1][i, 0] for x in (h, -h))
+                change, disturbance = (force_after - force_before) / (2 * h), forces[i, 1:]
                 state[i] = int(np.sign(forces[i, 0]))
             else:
-                change = float(self._W[:, i] @ flowing[n : 2 * n, 0])
+                change = float(self._W[:, i] @ dY[n : 2 * n, 0])
                 disturbance = self._W[:, i] @ Y[n : 2 * n, 1:]
                 state[i] = STICKS
             state = self._released(rates, t, Y, state)
             if Y.shape[1] > 1 and change:
-                jump = rates(state, t, Y)[0][:, 0] - flowing[:, 0]
+                jump = rates(state, t, Y)[0][:, 0] - dY[:, 0]
                 Y[:, 1:] += np.outer(jump, disturbance / change)
         return Y.ravel(), state

@@ -79,8 +79,8 @@ class StructureStates:
         self.V = self.D @ self.A
         self._through = self.D @ self.B
         rounding = MATRIX_ROUNDING * (np.abs(self.D) @ np.abs(self.B))
-        acts = self.massless & (np.abs(self._through) > rounding)
-        self.following = np.flatnonzero(acts.any(axis=0) | acts.any(axis=1))
+        coupled = self.massless & (np.abs(self._through) > rounding)
+        self.following = np.flatnonzero(coupled.any(axis=0) | coupled.any(axis=1))
         self._through = self._through[np.ix_(self.following, self.following)]
         self._check(system)
 
@@ -103,21 +103,21 @@ class StructureStates:
         """Store the equations without the coordinates that have no mass; a and c are motions of unit length."""
         M, C, K = dense(system.M), dense(system.C) + damping @ self._W.T, dense(system.K)
         basis = mass_basis(M)
-        found = state_equations(system, M, C, K, basis, basis)
-        a, c, e = (np.linalg.norm(one, axis=0) for one in found.bases)
+        equations = state_equations(system, M, C, K, basis, basis)
+        a, c, e = (np.linalg.norm(vectors, axis=0) for vectors in equations.bases)
         n, unit = len(a), np.concatenate([a, a, c])
         self.inertial, self.order = n, len(unit)
-        self.A = found.A * unit[:, None] / unit
-        F = unit[n:, None] * found.F
+        self.A = equations.A * unit[:, None] / unit
+        F = unit[n:, None] * equations.F
         self.rates = F.__matmul__
         self.B = np.vstack([np.zeros((n, self._W.shape[1])), F @ self._W])
-        self._S = found.S / unit
+        self._S = equations.S / unit
         self.D = self._W.T @ self._S
         self.D[:, n : 2 * n] = 0.0
         self.W = self.D[:, :n].T
-        inverse = np.linalg.inv(np.hstack(found.bases)) * np.concatenate([a, c, e])[:, None]
+        inverse = np.linalg.inv(np.hstack(equations.bases)) * np.concatenate([a, c, e])[:, None]
         self._own, self._relaxing = inverse[:n], inverse[n : n + len(c)]
-        self._static = found.G @ load_harmonics(system, Omega)
+        self._static = equations.G @ load_harmonics(system, Omega)
 
     def _check(self, system: System) -> None:
         """Raise an error if a law with memory or jumps of the force acts on coordinates without mass."""

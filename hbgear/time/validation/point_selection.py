@@ -63,32 +63,33 @@ def problem_for(branch: Branch, problem: Any = None) -> Any:
             "a curve of special points has singular motions and cannot be validated; validate response "
             "curves traced through them instead"
         )
-    written = branch.meta.get("hbgear")
-    if written not in (None, __version__):
-        text = f"the curve was traced with hbgear {written}, this is {__version__}; differences may result"
+    version = branch.meta.get("hbgear")
+    if version not in (None, __version__):
+        text = f"the curve was traced with hbgear {version}, this is {__version__}; differences may result"
         warnings.warn(text, stacklevel=3)
     if problem is None:
         problem = branch.problem or rebuild_problem(branch.meta)
-    own = problem.layout
-    if (own.elements, own.breakpoints) != (layout.elements, layout.breakpoints):
+    target = problem.layout
+    if (target.elements, target.breakpoints) != (layout.elements, layout.breakpoints):
         raise ValueError(
-            f"the curve has elements {layout.elements} with breakpoints {layout.breakpoints}, the model {own.elements} "
-            f"with {own.breakpoints}: it was traced with another model; give the problem it was traced with"
+            f"the curve has elements {layout.elements} with breakpoints {layout.breakpoints}, the model "
+            f"{target.elements} with {target.breakpoints}: it was traced with another model; give the problem it was "
+            "traced with"
         )
     same_model(branch.meta.get("model"), problem.model)
-    if (own.nu, problem.size) != (layout.nu, branch.X.shape[1]):
+    if (target.nu, problem.size) != (layout.nu, branch.X.shape[1]):
         problem = problem.with_order(layout.nu, layout.harmonics)
     for name in branch.parameters_at(0):
         problem.check_parameter(name)
     return problem
 
 
-def same_model(written: Any, model: Any) -> None:
+def same_model(stored: Any, model: Any) -> None:
     """Raise if a model is not the one in the header of a branch.
 
     Parameters
     ----------
-    written : dict or None
+    stored : dict or None
         Description of the model in the header; without it every model is accepted.
     model : Model
         Model to be compared.
@@ -98,18 +99,18 @@ def same_model(written: Any, model: Any) -> None:
     ValueError
         If the model differs, or the header has no description.
     """
-    own = describe(model)
-    if not written:
+    current = describe(model)
+    if not stored:
         return
-    if not is_description(written):
+    if not is_description(stored):
         raise ValueError("the curve does not contain its model: trace it again")
-    other = differing_fields(written, own)
-    if written["class"] == own["class"] and not other:
+    differing = differing_fields(stored, current)
+    if stored["class"] == current["class"] and not differing:
         return
     difference = (
-        f"with other {', '.join(other)}"
-        if written["class"] == own["class"]
-        else f"a {written['class']}, not {own['class']}"
+        f"with other {', '.join(differing)}"
+        if stored["class"] == current["class"]
+        else f"a {stored['class']}, not {current['class']}"
     )
     raise ValueError(f"the curve was traced with another model ({difference}): give the problem it was traced with")
 
@@ -151,25 +152,25 @@ def choose(branch: Branch, points: int | Sequence[int | str]) -> list[tuple[int,
 
 def _selected_points(branch: Branch, count: int) -> list[tuple[int, str]]:
     """Return up to 3/4 of the points near special points, the peak and the largest error, and others between."""
-    wanted: list[tuple[int, str]] = []
+    candidates: list[tuple[int, str]] = []
     for point in branch.special:
         if point.kind == "LP":
-            wanted += [(_regular_neighbour(branch, point, side), f"near {point.label}") for side in (-1, 1)]
-    wanted.append((int(np.nanargmax(branch.amplitude("rms"))), "peak"))
+            candidates += [(_regular_neighbour(branch, point, side), f"near {point.label}") for side in (-1, 1)]
+    candidates.append((int(np.nanargmax(branch.amplitude("rms"))), "peak"))
     if not np.isnan(branch.error).all():
-        wanted.append((int(np.nanargmax(branch.error)), "worst error"))
+        candidates.append((int(np.nanargmax(branch.error)), "worst error"))
     for point in branch.special:
         if point.kind not in ("LP", "CP", "IC", "SL"):
-            wanted += [(_clipped_index(branch, point.index + side), f"near {point.label}") for side in (-1, 1)]
+            candidates += [(_clipped_index(branch, point.index + side), f"near {point.label}") for side in (-1, 1)]
     selected: dict[int, str] = {}
     # at these points the motion is singular or its stability changes
-    taken = {p.index for p in branch.special if p.kind in ("LP", "BP", "CP", "IC", "PD", "NS")} | _singular_ends(branch)
+    unfit = {p.index for p in branch.special if p.kind in ("LP", "BP", "CP", "IC", "PD", "NS")} | _singular_ends(branch)
     # at first slip the growth of a disturbance is not that of a multiplier: some disturbances slip, others do not
-    taken |= {p.index + side for p in branch.special if p.kind == "SL" for side in (-1, 0, 1)}
-    for i, reason in wanted:
-        if len(selected) < max(count - count // 4, 1) and i not in selected and i not in taken:
+    unfit |= {p.index + side for p in branch.special if p.kind == "SL" for side in (-1, 0, 1)}
+    for i, reason in candidates:
+        if len(selected) < max(count - count // 4, 1) and i not in selected and i not in unfit:
             selected[i] = reason
-    free = [i for i in range(len(branch)) if i not in taken]
+    free = [i for i in range(len(branch)) if i not in unfit]
     while len(selected) < min(count, len(free)):
         selected[_farthest_point(branch, free, selected)] = "between"
     return sorted(selected.items())
@@ -197,10 +198,10 @@ def _regular_neighbour(branch: Branch, fold: SpecialPoint, side: int) -> int:
     Within the error of the fold the exact motion may not exist at the value of the point.
     """
     uncertain = _FOLD_ERRORS * fold.error if np.isfinite(fold.error) else 0.0
-    at = fold.parameters[branch.parameter]
+    fold_value = fold.parameters[branch.parameter]
     for distance in range(1, _MAX_NEIGHBOUR_DISTANCE + 1):
         i = _clipped_index(branch, fold.index + side * distance)
-        if abs(branch.values[i] - at) < uncertain:
+        if abs(branch.values[i] - fold_value) < uncertain:
             continue
         if branch.multipliers is None or np.abs(branch.multipliers[i] - 1).min() > _MIN_DISTANCE_FROM_FOLD:
             return i
@@ -213,5 +214,5 @@ def _farthest_point(branch: Branch, free: list[int], selected: dict[int, str]) -
     span = float(np.ptp(branch.values)) or 1.0
     steps = np.hypot(np.diff(branch.values) / span, np.linalg.norm(np.diff(branch.X, axis=0), axis=1) / size)
     arclength = np.concatenate([[0.0], np.cumsum(steps)])
-    near = [np.abs(arclength[i] - arclength[list(selected)]).min() if selected else -i for i in free]
-    return free[int(np.argmax([-1.0 if i in selected else x for i, x in zip(free, near, strict=True)]))]
+    distances = [np.abs(arclength[i] - arclength[list(selected)]).min() if selected else -i for i in free]
+    return free[int(np.argmax([-1.0 if i in selected else x for i, x in zip(free, distances, strict=True)]))]

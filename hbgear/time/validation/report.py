@@ -119,9 +119,9 @@ class Units(NamedTuple):
     @classmethod
     def of(cls, branch: Branch, element: int | str = 0) -> Units:
         """Return r/min and um for a branch whose model has scales, else the units of the model."""
-        across, length = Abscissa([branch]), Ordinate("rms", element)
-        name = PINION if across.label == SPEED_LABEL else branch.parameter
-        return cls(name, across.scale, length.header(branch).removeprefix("rms"), length.factor(branch))
+        abscissa, length = Abscissa([branch]), Ordinate("rms", element)
+        name = PINION if abscissa.label == SPEED_LABEL else branch.parameter
+        return cls(name, abscissa.scale, length.header(branch).removeprefix("rms"), length.factor(branch))
 
 
 @renamed_attributes(verdict="status")
@@ -215,8 +215,8 @@ class Report:
     @property
     def summary(self) -> str:
         """Number of points that agree, and the truncation error where more harmonics are required."""
-        good, finer = sum(row.ok for row in self.rows), [row for row in self.rows if row.refined]
-        text = f"{good} of {len(self.rows)} points agree within {self.tolerance:g} with time integration"
+        agreeing, finer = sum(row.ok for row in self.rows), [row for row in self.rows if row.refined]
+        text = f"{agreeing} of {len(self.rows)} points agree within {self.tolerance:g} with time integration"
         if finer:
             truncation_error = max(max(row.rms_error, row.harmonic_error) for row in finer)
             H, rest = max(row.harmonics for row in finer), max(row.refined_error for row in finer)
@@ -289,9 +289,9 @@ class Report:
             writer.writerows([getattr(row, name) for name in names] for row in self.rows)
 
 
-def _on_curve(one: Check | JumpCheck, text: str) -> str:
+def _on_curve(row: Check | JumpCheck, text: str) -> str:
     """Return the text of a point or jump, after the number of its curve unless it is the first one."""
-    return text if one.curve == 1 else f"{one.curve}:{text}"
+    return text if row.curve == 1 else f"{row.curve}:{text}"
 
 
 def _texts(row: Check, scale: float, length: float) -> list[str]:

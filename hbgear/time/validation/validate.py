@@ -142,21 +142,21 @@ def validate(
             raise ValueError(f"{name} = {value:g} cannot be verified by time integration; give {LEAST:g} or more")
     if landing not in LANDINGS:
         raise ValueError(f"landing = {landing!r}: choose one of {', '.join(map(repr, LANDINGS))}")
-    curves = tuple(dataclasses.replace(each, problem=problem_for(each, problem)) for each in branch.curves)
-    chosen, left = _selected(curves, others, points, landing == "integrate")
+    curves = tuple(dataclasses.replace(curve, problem=problem_for(curve, problem)) for curve in branch.curves)
+    selected, selected_jumps = _selected(curves, others, points, landing == "integrate")
     rows: list[Check] = []
     jumps: list[JumpCheck] = []
     complete = True
     try:
-        for done, (number, i, reason) in enumerate(chosen):
+        for count, (number, i, reason) in enumerate(selected):
             if progress:
-                share = done / (len(chosen) + len(left))
-                progress(Progress(share, f"{branch.parameter} = {curves[number].values[i]:.5g} ({reason})"))
+                fraction = count / (len(selected) + len(selected_jumps))
+                progress(Progress(fraction, f"{branch.parameter} = {curves[number].values[i]:.5g} ({reason})"))
             rows.append(_check(curves, number, i, reason, tolerance, limit))
-        for done, (number, jump) in enumerate(left):
+        for count, (number, jump) in enumerate(selected_jumps):
             if progress:
-                share = (len(chosen) + done) / (len(chosen) + len(left))
-                progress(Progress(share, f"{branch.parameter} = {jump.value:.5g} (jump at {jump.label})"))
+                fraction = (len(selected) + count) / (len(selected) + len(selected_jumps))
+                progress(Progress(fraction, f"{branch.parameter} = {jump.value:.5g} (jump at {jump.label})"))
             jumps.append(_check_jump((*curves, *others), number, jump))
     except KeyboardInterrupt:
         complete = False
@@ -168,77 +168,77 @@ def _selected(
 ) -> tuple[list[tuple[int, int, str]], list[tuple[int, Jump]]]:
     """Return number of the curve, index and reason of each point; number of the curve and jump of each jump."""
     if not isinstance(points, int | np.integer):
-        chosen = [(0, *one) for one in choose(curves[0], points)]
+        selected = [(0, *entry) for entry in choose(curves[0], points)]
     else:
         counts = [(points + k) // len(curves) for k in reversed(range(len(curves)))]
-        chosen = [(k, *one) for k, n in enumerate(counts) if n or not k for one in choose(curves[k], n)]
+        selected = [(k, *entry) for k, n in enumerate(counts) if n or not k for entry in choose(curves[k], n)]
     if not integrable or curves[0].problem.compiled({}).sliders:
-        return chosen, []
-    known = enumerate(landings((*curves, *others))[: len(curves)])
-    jumps = [(k, landing.jump) for k, each in known for landing in each]
-    wanted = None if isinstance(points, int | np.integer) else points
-    return chosen, [(k, jump) for k, jump in jumps if wanted is None or (k == 0 and jump.label in wanted)]
+        return selected, []
+    curve_landings = enumerate(landings((*curves, *others))[: len(curves)])
+    jumps = [(k, landing.jump) for k, entries in curve_landings for landing in entries]
+    labels = None if isinstance(points, int | np.integer) else points
+    return selected, [(k, jump) for k, jump in jumps if labels is None or (k == 0 and jump.label in labels)]
 
 
 def _check_jump(curves: tuple[Branch, ...], number: int, jump: Jump) -> JumpCheck:
     """Return the comparison of a jump of one of the curves with time integration."""
-    own = curves[number]
-    stated = jump.after
-    ends = landed((own, *(each for each in curves if each is not own)), jump, arrivals(own, jump))
-    decided, (found, *_) = ends[0]
-    elements = own.layout.elements if own.layout else ()
+    branch = curves[number]
+    landing = jump.after
+    ends = landed((branch, *(curve for curve in curves if curve is not branch)), jump, arrivals(branch, jump))
+    decided_jump, (result, *_) = ends[0]
+    elements = branch.layout.elements if branch.layout else ()
     before = np.array([jump.before.amplitude("rms", j) for j in range(len(elements))])
-    which = int(np.argmax(np.abs(found.rms - before)))
-    after = float("nan") if stated is None else stated.amplitude("rms", which)
+    index = int(np.argmax(np.abs(result.rms - before)))
+    after = float("nan") if landing is None else landing.amplitude("rms", index)
     return JumpCheck(
-        jump.label, jump.value, jump.direction, elements[which], float(before[which]), after, float(found.rms[which]),
-        found.period, found.integrated_periods, decided,
-        AGREES if _continues(own, jump, found) else _landing_status(curves, number, stated, ends), number + 1,
+        jump.label, jump.value, jump.direction, elements[index], float(before[index]), after, float(result.rms[index]),
+        result.period, result.integrated_periods, decided_jump,
+        AGREES if _continues(branch, jump, result) else _landing_status(curves, number, landing, ends), number + 1,
     )  # fmt: skip
 
 
-def _continues(branch: Branch, jump: Jump, found: JumpOutcome) -> bool:
+def _continues(branch: Branch, jump: Jump, outcome: JumpOutcome) -> bool:
     """Return whether a sweep that continues on a bifurcating branch by the curve does so by integration.
 
     The motion must lie on the branch that leaves in one of both directions, at the value of the integration.
     """
-    if jump.landing != BIFURCATING or found.motion is None:
+    if jump.landing != BIFURCATING or outcome.motion is None:
         return False
-    point = next(one for one in branch.special if one.label == jump.label)
+    point = next(special for special in branch.special if special.label == jump.label)
     for side in (1, -1):
         start = point_on_new_branch(branch, point, side, DISTANCES_FROM_BRANCH_POINT[0], NewtonSettings())
         if start is None:
             continue
-        span = (start.parameters[jump.parameter], found.value)
+        span = (start.parameters[jump.parameter], outcome.value)
         with suppress(NoConvergence, ValueError):
             part = trace(start.problem, jump.parameter, span, start, cover=False, special=False, accuracy=None)
-            if part.status.complete and same_motion(found.motion, (part[-1],)) is not None:
+            if part.status.complete and same_motion(outcome.motion, (part[-1],)) is not None:
                 return True
     return False
 
 
 def _landing_status(
-    curves: tuple[Branch, ...], number: int, stated: Point | None, ends: list[tuple[Jump, list[JumpOutcome]]]
+    curves: tuple[Branch, ...], number: int, landing: Point | None, ends: list[tuple[Jump, list[JumpOutcome]]]
 ) -> str:
     """Return the status of a jump: agreement if one of its landings is the motion that the curve states."""
     tries = sum(len(group) for _, group in ends)
     for end, group in ends:
-        if stated is not None and end.after is not None and same_motion(end.after, (stated,)) is not None:
+        if landing is not None and end.after is not None and same_motion(end.after, (landing,)) is not None:
             return AGREES if len(ends) == 1 else f"{AGREES} in {len(group)} of {tries} tries: indeterminate"
-    decided = ends[0][0]
-    target = _landing_curve(curves, number, decided)
-    where = "on another stable motion of the curve" if target == number else f"on curve {(target or 0) + 1}"
-    text = decided.note if target is None else where
-    if decided.landing != "integrate":
+    main_jump = ends[0][0]
+    target = _landing_curve(curves, number, main_jump)
+    location = "on another stable motion of the curve" if target == number else f"on curve {(target or 0) + 1}"
+    text = main_jump.note if target is None else location
+    if main_jump.landing != "integrate":
         return text
-    return f"{AGREES}: {text}" if stated is None and target != number else f"lands {text}"
+    return f"{AGREES}: {text}" if landing is None and target != number else f"lands {text}"
 
 
 def _landing_curve(curves: tuple[Branch, ...], number: int, jump: Jump) -> int | None:
     """Return the index of the curve on which a jump of a curve lands; None if it is on none of them."""
-    own = dataclasses.replace(curves[number], jump_records=(jump,))
-    (found,) = landings((*curves[:number], own, *curves[number + 1 :]))[number]
-    return found.branch
+    branch = dataclasses.replace(curves[number], jump_records=(jump,))
+    (landing,) = landings((*curves[:number], branch, *curves[number + 1 :]))[number]
+    return landing.branch
 
 
 # ---- one point
@@ -262,104 +262,104 @@ class _Compared(NamedTuple):
 def _check(curves: tuple[Branch, ...], number: int, i: int, reason: str, tolerance: float, limit: float) -> Check:
     branch = curves[number]
     problem: Any = branch.problem
-    here = branch.parameters_at(i)
+    parameters = branch.parameters_at(i)
     X, layout = branch.X[i], branch.layout
     assert layout is not None
-    stored = branch.multipliers[i] if branch.multipliers is not None else None
-    stored = None if stored is None or np.isnan(stored).any() else stored
+    stored_mu = branch.multipliers[i] if branch.multipliers is not None else None
+    stored_mu = None if stored_mu is None or np.isnan(stored_mu).any() else stored_mu
     stable = None if branch.multipliers is None else branch[i].stable
 
     def status_of(compared: _Compared) -> str:
         return _status(compared, stable, tolerance, limit)
 
-    own = last = _compared(problem, X, stored, here)
-    status = status_of(own)
-    if status != AGREES and _has_own_multipliers(problem, X, own, here):
-        for finer, Y in _refinements(problem, X, here):
-            last = _compared(finer, Y, None, here)
+    original = last = _compared(problem, X, stored_mu, parameters)
+    status = status_of(original)
+    if status != AGREES and _has_own_multipliers(problem, X, original, parameters):
+        for finer, Y in _refinements(problem, X, parameters):
+            last = _compared(finer, Y, None, parameters)
             if status_of(last) == AGREES:
                 status = f"{AGREES} with H = {last.H}"
                 break
         else:
-            status += f", with H = {last.H} too" if last is not own else ""
-    refined = status.startswith(AGREES) and last is not own
-    judge = last if refined else own
-    orbit, nan = judge.orbit, float("nan")
-    errors = np.full((1, 3), nan) if orbit is None else own.errors(orbit)
-    worst = int(np.argmax(errors[:, 0]))
+            status += f", with H = {last.H} too" if last is not original else ""
+    refined = status.startswith(AGREES) and last is not original
+    best = last if refined else original
+    orbit, nan = best.orbit, float("nan")
+    errors = np.full((1, 3), nan) if orbit is None else original.errors(orbit)
+    element = int(np.argmax(errors[:, 0]))
     true_mu = np.array([complex(nan)]) if orbit is None else orbit.multipliers
     return Check(
         index=i,
         reason=reason,
         value=float(branch.values[i]),
-        Omega=here["Omega"],
-        element=layout.elements[worst],
-        rms=float(measures.rms(own.rows[worst])),
-        rms_true=nan if orbit is None else float(measures.rms(orbit.rows(own.H)[worst])),
-        closure=own.closure,
+        Omega=parameters["Omega"],
+        element=layout.elements[element],
+        rms=float(measures.rms(original.rows[element])),
+        rms_true=nan if orbit is None else float(measures.rms(orbit.rows(original.H)[element])),
+        closure=original.closure,
         rms_error=float(errors[:, 0].max()),
         pp2_error=float(errors[:, 1].max()),
         harmonic_error=float(errors[:, 2].max()),
-        multiplier_error=nan if orbit is None else _multiplier_distance(own.mu, true_mu),
+        multiplier_error=nan if orbit is None else _multiplier_distance(original.mu, true_mu),
         sensitivity=nan if orbit is None else 1 / max(float(np.abs(true_mu - 1).min()), 1e-12),
-        mu=complex(own.mu[np.argmax(np.abs(own.mu))]),
+        mu=complex(original.mu[np.argmax(np.abs(original.mu))]),
         mu_true=complex(true_mu[0]),
-        growth=judge.growth,
+        growth=best.growth,
         stable=stable,
         status=status,
-        harmonics=judge.H,
-        refined_error=float(judge.errors(orbit)[:, [0, 2]].max()) if refined and orbit else nan,
+        harmonics=best.H,
+        refined_error=float(best.errors(orbit)[:, [0, 2]].max()) if refined and orbit else nan,
         curve=number + 1,
     )
 
 
-def _has_own_multipliers(problem: Any, X: Array, own: _Compared, here: dict[str, float]) -> bool:
+def _has_own_multipliers(problem: Any, X: Array, base: _Compared, parameters: dict[str, float]) -> bool:
     """Return whether multipliers are those of X, or of a more accurate motion: then they are closer to shooting."""
-    recomputed = problem.multipliers(X, **here)
-    allowed = _MULTIPLIER_CONSISTENCY * max(1.0, float(np.abs(own.mu).max()))
-    if own.orbit is None:
-        return _multiplier_distance(own.mu, recomputed) <= allowed
-    stored, again = (_multiplier_distance(mu, own.orbit.multipliers) for mu in (own.mu, recomputed))
-    return stored <= again + allowed
+    recomputed = problem.multipliers(X, **parameters)
+    allowed = _MULTIPLIER_CONSISTENCY * max(1.0, float(np.abs(base.mu).max()))
+    if base.orbit is None:
+        return _multiplier_distance(base.mu, recomputed) <= allowed
+    stored_error, new_error = (_multiplier_distance(mu, base.orbit.multipliers) for mu in (base.mu, recomputed))
+    return stored_error <= new_error + allowed
 
 
-def _compared(problem: Any, X: Array, mu: ComplexArray | None, here: dict[str, float]) -> _Compared:
+def _compared(problem: Any, X: Array, mu: ComplexArray | None, parameters: dict[str, float]) -> _Compared:
     """Return a solution with its periodic motion by shooting; without it if shooting does not converge."""
-    changes = {k: v for k, v in here.items() if k != "Omega"}
+    changes = {k: v for k, v in parameters.items() if k != "Omega"}
     model = problem.model.replace(**changes) if changes else problem.model
-    y = start_state(problem, X, **here)
+    y = start_state(problem, X, **parameters)
     layout = problem.layout
     rows = [layout.rows(X, j) for j in range(len(layout.elements))]
-    mu = problem.multipliers(X, **here) if mu is None else mu
-    closure = _closure(model, y, here["Omega"], problem.nu)
+    mu = problem.multipliers(X, **parameters) if mu is None else mu
+    closure = _closure(model, y, parameters["Omega"], problem.nu)
     try:
-        orbit = shoot(model, here["Omega"], y, problem.nu, tolerance=10 * _INTEGRATION_TOLERANCE)
+        orbit = shoot(model, parameters["Omega"], y, problem.nu, tolerance=10 * _INTEGRATION_TOLERANCE)
     except (NoConvergence, ArithmeticError, np.linalg.LinAlgError):
         return _Compared(problem.H, rows, mu, closure)
     return _Compared(problem.H, rows, mu, closure, orbit, _growth(model, orbit))
 
 
-def _refinements(problem: Any, X: Array, here: dict[str, float]) -> Iterator[tuple[Any, Array]]:
+def _refinements(problem: Any, X: Array, parameters: dict[str, float]) -> Iterator[tuple[Any, Array]]:
     """Yield the same motion with 2, 4, ... times the harmonics, each solved from the one before.
 
     Nothing is yielded if harmonic truncation is not the reason for the difference: X does not solve its own equations.
     """
     layout = problem.layout
     rows = np.array([layout.rows(X, j) for j in range(len(layout.elements))])
-    used = (int(np.flatnonzero(rows.any(axis=0)).max(initial=1)) + 1) // 2  # smaller where H varies on the curve
-    own = problem if used >= problem.orders[-1] else problem.with_order(problem.nu, used)
-    X = own.from_layout(X, layout)
-    now = linearise(own, X, "", here)
-    if not norm(now.R) <= _CONSISTENCY_TOLERANCE * now.size:
+    highest = (int(np.flatnonzero(rows.any(axis=0)).max(initial=1)) + 1) // 2  # smaller where H varies on the curve
+    coarse = problem if highest >= problem.orders[-1] else problem.with_order(problem.nu, highest)
+    X = coarse.from_layout(X, layout)
+    linear = linearise(coarse, X, "", parameters)
+    if not norm(linear.R) <= _CONSISTENCY_TOLERANCE * linear.size:
         return
     for _ in range(_MAX_DOUBLINGS):
-        finer = own.with_order(own.nu, 2 * own.H)
+        finer = coarse.with_order(coarse.nu, 2 * coarse.H)
         try:
-            X = solve(finer, finer.from_layout(X, own.layout), here).X
+            X = solve(finer, finer.from_layout(X, coarse.layout), parameters).X
         except NoConvergence:
             return
-        own = finer
-        yield own, X
+        coarse = finer
+        yield coarse, X
 
 
 def _closure(model: Any, y: Array, Omega: float, nu: int) -> float:
@@ -378,17 +378,17 @@ def _closure(model: Any, y: Array, Omega: float, nu: int) -> float:
     return max(float(np.abs(d1 - d0).max()), float(np.abs(v1 - v0).max()) / Omega) / size
 
 
-def _differences(found: Array, true: Array, nu: int) -> tuple[float, float, float]:
+def _differences(rows: Array, true_rows: Array, nu: int) -> tuple[float, float, float]:
     """Return the relative differences of rms, pp2, and of the first harmonics (relative to the largest of them)."""
-    rms, pp2 = (float(abs(m(found) - m(true)) / m(true)) for m in (measures.rms, measures.half_peak_to_peak))
+    rms, pp2 = (float(abs(m(rows) - m(true_rows)) / m(true_rows)) for m in (measures.rms, measures.half_peak_to_peak))
     last = _COMPARED_HARMONICS * nu + 1
-    a, b = to_complex(found)[:last], to_complex(true)[:last]
+    a, b = to_complex(rows)[:last], to_complex(true_rows)[:last]
     return rms, pp2, float(np.abs(a - b).max() / np.abs(b[1:]).max())
 
 
-def _multiplier_distance(mu: ComplexArray, true: ComplexArray) -> float:
+def _multiplier_distance(mu: ComplexArray, true_mu: ComplexArray) -> float:
     """Return the largest distance of multipliers matched in pairs."""
-    D = np.abs(mu[:, None] - true)
+    D = np.abs(mu[:, None] - true_mu)
     return float(D[scipy.optimize.linear_sum_assignment(D)].max())
 
 
@@ -400,12 +400,12 @@ def _growth(model: Any, orbit: Orbit) -> float:
     system = model.system().at_speed(orbit.Omega)
     structure, flow = LinearStructure(system), Flow(system, orbit.Omega)
     mu, U, V = scipy.linalg.eig(orbit.reduced, left=True)
-    top = int(np.argmax(np.abs(mu)))
-    left = U[:, top].conj()
-    y = from_modal(structure, V[:, top], len(flow.sliders))
+    largest = int(np.argmax(np.abs(mu)))
+    left = U[:, largest].conj()
+    y = from_modal(structure, V[:, largest], len(flow.sliders))
     delta = y * (_GROWTH_DISTURBANCE * np.linalg.norm(orbit.state) / np.linalg.norm(y))
     # few periods: a decaying disturbance must remain above rounding, a growing one must remain small
-    periods = int(np.clip(np.floor(np.log(1e3) / max(abs(np.log(abs(mu[top]))), 1e-3)), 1, _MAX_GROWTH_PERIODS))
+    periods = int(np.clip(np.floor(np.log(1e3) / max(abs(np.log(abs(mu[largest]))), 1e-3)), 1, _MAX_GROWTH_PERIODS))
     T = orbit.nu * 2 * np.pi / orbit.Omega
     try:
         ends = [
@@ -425,17 +425,17 @@ def _status(compared: _Compared, stable: bool | None, tolerance: float, limit: f
     if compared.orbit is None:
         return "no periodic motion found"
     errors = compared.errors(compared.orbit).max(axis=0)
-    wrong = [
+    faults = [
         name
         for name, error, allowed in zip(("rms", "pp2", "harmonics"), errors, (1, 10, 1), strict=True)
         if not error <= allowed * tolerance
     ]
     if not _multiplier_distance(compared.mu, compared.orbit.multipliers) <= limit:
-        wrong.append("multipliers")
-    wrong = [f"{', '.join(wrong)} differ{'s' if wrong in (['rms'], ['pp2']) else ''}"] if wrong else []
+        faults.append("multipliers")
+    faults = [f"{', '.join(faults)} differ{'s' if faults in (['rms'], ['pp2']) else ''}"] if faults else []
     largest, growth = abs(compared.orbit.multipliers[0]), compared.growth
     if not abs(growth - largest) <= 1e-3 * max(1.0, largest) + limit:
-        wrong.append("growth differs from the multiplier")
+        faults.append("growth differs from the multiplier")
     if stable is not None and (growth <= 1 + STABILITY_TOLERANCE) != stable and abs(growth - 1) > min(limit, 1e-5):
-        wrong.append("disturbances grow" if stable else "disturbances decay")
-    return ", ".join(wrong) or AGREES
+        faults.append("disturbances grow" if stable else "disturbances decay")
+    return ", ".join(faults) or AGREES
