@@ -237,7 +237,7 @@ def _element_stiffness(
     if len(states) != len(names):
         raise ValueError(f"closed has {len(states)} entries; need {len(names)}, one for each element")
     states = [False if state is None and _is_linear(e.law) else state
-             for e, state in zip(system.elements, states, strict=True)]  # fmt: skip
+              for e, state in zip(system.elements, states, strict=True)]  # fmt: skip
     if None not in states:
         return np.diag([_mean_slope(e.law, bool(state)) for e, state in zip(system.elements, states, strict=True)])
     static = _equilibrium_stiffness(model, span, [i for i, state in enumerate(states) if state is None], names)
