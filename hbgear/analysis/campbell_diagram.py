@@ -116,8 +116,8 @@ class Campbell:
     Examples
     --------
     >>> import hbgear as hb
-    >>> found = hb.analysis.campbell(hb.gears.GearRotorBearing(), (0.2, 2.0), points=5)
-    >>> found.frequencies.shape == (5, len(found.frequencies[0]))
+    >>> diagram = hb.analysis.campbell(hb.gears.GearRotorBearing(), (0.2, 2.0), points=5)
+    >>> diagram.frequencies.shape == (5, len(diagram.frequencies[0]))
     True
     """
 

@@ -97,8 +97,8 @@ class CriticalParameter:
     Examples
     --------
     >>> import hbgear as hb
-    >>> found = hb.analysis.critical_parameter(hb.Duffing(), "zeta", frequencies=(0.9, 1.4), harmonics=1)
-    >>> found.point.kind, found.point.parameters["zeta"] == found.value
+    >>> critical = hb.analysis.critical_parameter(hb.Duffing(), "zeta", frequencies=(0.9, 1.4), harmonics=1)
+    >>> critical.point.kind, critical.point.parameters["zeta"] == critical.value
     ('CP', True)
     """
 
@@ -168,8 +168,8 @@ def critical_parameter(
     Examples
     --------
     >>> import hbgear as hb
-    >>> found = hb.analysis.critical_parameter(hb.Duffing(), "zeta", frequencies=(0.9, 1.4), harmonics=1)
-    >>> bool(0.05 < found.value < 0.1), found.jump_below
+    >>> critical = hb.analysis.critical_parameter(hb.Duffing(), "zeta", frequencies=(0.9, 1.4), harmonics=1)
+    >>> bool(0.05 < critical.value < 0.1), critical.jump_below
     (True, True)
     """
     problem = problem_of(model, harmonics)

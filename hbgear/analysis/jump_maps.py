@@ -316,7 +316,7 @@ def jump_map(
     curves = {curve.fixed[parameter]: curve for curve in (known.curves if known is not None else ())}
     ending, value, gap, unconverged = Termination(), low, "", list[str]()
     try:
-        for value in _spread(low, high, seeds):
+        for value in _seed_values(low, high, seeds):
             report_progress(progress, f"response curve at {parameter} = {value:.5g}")
             if value not in curves:
                 curves[value] = response_curve(problem, parameter, value, frequencies)
@@ -367,7 +367,7 @@ def _without_curve(parameter: str, curves: Mapping[float, Branch], frequencies: 
     return ""
 
 
-def _spread(low: float, high: float, count: int) -> list[float]:
+def _seed_values(low: float, high: float, count: int) -> list[float]:
     """Return equidistant values, both ends first."""
     inner = list(np.linspace(low, high, count)[1:-1])
     return [low, high, *map(float, inner)]

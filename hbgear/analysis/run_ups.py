@@ -208,7 +208,7 @@ def run_up(branch: Branch, direction: str = "up", others: Sequence[Branch] = (),
         points, landing, message = _follow_section(sweep.branches[current], first, sign, sweep.landings[current])
         sections.append(BranchSection(sweep.branches[current], points, start_motion))
         if landing is None:
-            continuation = sweep.beyond(current, points, sign)
+            continuation = sweep.next_branch(current, points, sign)
             if continuation is None:
                 return RunUp(direction, tuple(sections), tuple(jumps), message)
             current, first, start_motion = continuation
@@ -230,7 +230,7 @@ class _SweepBranches:
         self.branches, self.span, self.doublings = branches, span, doublings
         self.landings = landings(branches)
 
-    def beyond(self, number: int, points: np.ndarray, sign: int) -> tuple[int, int, Point] | None:
+    def next_branch(self, number: int, points: np.ndarray, sign: int) -> tuple[int, int, Point] | None:
         """Return branch, point and motion on which a sweep continues that ends at the last of these points, if any."""
         branch, last = self.branches[number], int(points[-1])
         value = float(_value_beyond(branch.values, points, sign))

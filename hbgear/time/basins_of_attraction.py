@@ -185,8 +185,8 @@ def basins(
     Examples
     --------
     >>> import hbgear as hb
-    >>> found = hb.time.basins(hb.Duffing(zeta=0.2), 1.0, shape=(2, 2))
-    >>> found.label.shape
+    >>> basins = hb.time.basins(hb.Duffing(zeta=0.2), 1.0, shape=(2, 2))
+    >>> basins.label.shape
     (2, 2)
     """
     checked("basins", "Omega", Omega, POSITIVE)
@@ -294,7 +294,7 @@ class _Search:
     def __post_init__(self) -> None:
         tolerance = self.settling.tolerance
         self.weights = self.integrator.weights()
-        self.catch = max(tolerance, min(_CAPTURE_TOLERANCES * tolerance, _MAX_CAPTURE_DISTANCE))
+        self.capture = max(tolerance, min(_CAPTURE_TOLERANCES * tolerance, _MAX_CAPTURE_DISTANCE))
 
     def nearby(self, current: Array, before: Array) -> np.ndarray:
         """Return the periods of the known attractors that motions approach and are near, 0 without one."""
@@ -302,7 +302,7 @@ class _Search:
         for attractor, states in zip(self.attractors, self.states, strict=True):
             if attractor.period:
                 distance = self._distance(states, current)
-                period[(distance <= self.catch) & (distance < self._distance(states, before))] = attractor.period
+                period[(distance <= self.capture) & (distance < self._distance(states, before))] = attractor.period
         return period
 
     def _distance(self, states: Array, z: Array) -> Array:
@@ -311,11 +311,11 @@ class _Search:
         distance: Array = np.min([np.linalg.norm(x - state, axis=1) for state in states], axis=0)
         return distance / (size or 1.0)
 
-    def numbers(self, motions: StateBatch, period: np.ndarray) -> np.ndarray:
+    def attractor_indices(self, motions: StateBatch, period: np.ndarray) -> np.ndarray:
         """Return the index of the attractor of each motion; new attractors are added."""
         z, number = self.integrator.to_modal(motions), np.full(len(period), -1)
         bounded = np.asarray(np.isfinite(z).all(axis=1))
-        radius = max(2 * self.catch, 10 * self.settling.tolerance)
+        radius = max(2 * self.capture, 10 * self.settling.tolerance)
         first_new = 0
         while True:
             for i in range(first_new, len(self.states)):
@@ -383,4 +383,4 @@ def _follow(search: _Search, motions: StateBatch, label: np.ndarray, progress: P
             done = np.flatnonzero(out.period)
             raise
         finally:
-            label[batch[done]] = search.numbers(part.select(done), out.period[done])
+            label[batch[done]] = search.attractor_indices(part.select(done), out.period[done])

@@ -147,12 +147,12 @@ def integrate_jumps(
     for i, jump in enumerate(branch.jumps()):
         if progress:
             progress(Progress(i / len(branch.jumps()), f"jump at {jump.parameter} = {jump.value:.5g}"))
-        ends = landed((*branch.curves, *others), jump, arrivals(branch, jump, settling))
+        ends = landings_of((*branch.curves, *others), jump, jump_ends(branch, jump, settling))
         jumps.append(ends[0][0])
     return replace(branch, jump_records=tuple(jumps))
 
 
-def arrivals(branch: Branch, jump: Jump, settling: SteadyStateSettings = SteadyStateSettings()) -> list[JumpOutcome]:
+def jump_ends(branch: Branch, jump: Jump, settling: SteadyStateSettings = SteadyStateSettings()) -> list[JumpOutcome]:
     """Integrate the motion at a jump from several values beyond it until it settles.
 
     Parameters
@@ -232,7 +232,7 @@ def _as_point(problem: Any, d: Array, period: int, parameters: dict[str, float])
     return Point(to_real(c).ravel(), parameters, np.nan, 0, None, np.full(len(d), -1, dtype=np.int8), np.nan, layout)
 
 
-def landed(
+def landings_of(
     branches: Sequence[Branch], jump: Jump, outcomes: Sequence[JumpOutcome]
 ) -> list[tuple[Jump, list[JumpOutcome]]]:
     """Return the different landings of a jump, the most frequent first, each with its integrations.
@@ -246,16 +246,16 @@ def landed(
     jump : Jump
         Jump of the first branch.
     outcomes : sequence of JumpOutcome
-        Results of `arrivals`.
+        Results of `jump_ends`.
 
     Returns
     -------
     list of tuple
-        Jump with its landing, and the results of `arrivals` that landed there.
+        Jump with its landing, and the results of `jump_ends` that landed there.
     """
     ends: list[tuple[Jump, list[JumpOutcome]]] = []
     for group in _grouped(outcomes):
-        end = _landed(branches, jump, group[0])
+        end = _landing_of(branches, jump, group[0])
         existing = next((members for landing, members in ends if _same_end(end, landing)), None)
         if existing is None:
             ends.append((end, group))
@@ -312,7 +312,7 @@ def _same_end(a: Jump, b: Jump) -> bool:
     return a.landing == b.landing and same_motion(a.after, (b.after,)) is not None
 
 
-def _landed(branches: Sequence[Branch], jump: Jump, outcome: JumpOutcome) -> Jump:
+def _landing_of(branches: Sequence[Branch], jump: Jump, outcome: JumpOutcome) -> Jump:
     """Return a jump of the first branch that lands on the motion of one integration."""
     motions = [point for point, _ in candidates(branches, 0, jump)]
     if outcome.motion is None:

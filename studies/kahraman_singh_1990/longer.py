@@ -12,7 +12,7 @@ from collections.abc import Iterable
 import numpy as np
 
 import hbgear as hb
-from hbgear.analysis.branch_search.multistart import whole_branch
+from hbgear.analysis.branch_search.multistart import complete_branch
 from hbgear.common.arrays import Array
 from hbgear.continuation.results.interpolation import crossings_at
 from hbgear.continuation.results.status import Status
@@ -45,7 +45,7 @@ def root(pair: hb.SpurPair, found: Orbit, span: tuple[float, float]) -> hb.Branc
     X, Omega = found.rows(problem.H).ravel(), found.Omega
     while True:
         X = solve(problem, X, {**problem.parameters, "Omega": Omega}).X
-        branch = whole_branch(problem, X, Omega, span, hb.StepControl(), stability=True)
+        branch = complete_branch(problem, X, Omega, span, hb.StepControl(), stability=True)
         if branch.status != Status.MERGED or problem.nu % 2:
             return branch
         X, Omega = _halved(branch.X[-1]), float(branch.values[-1])

@@ -10,7 +10,7 @@ import hbgear as hb
 from hbgear.analysis.jump_landings import MAX_MOTION_DIFFERENCE, landings
 from hbgear.continuation.solvers.newton import solve
 from hbgear.time.integration import state_of
-from hbgear.time.jump_integration import JumpOutcome, arrivals, integrate_jumps, landed
+from hbgear.time.jump_integration import JumpOutcome, integrate_jumps, jump_ends, landings_of
 
 PERIODS = 400
 """Periods of the independent integration: four times the longest transient of these motions."""
@@ -108,7 +108,7 @@ def test_forty_random_pairs():
                 near.candidates, key=lambda p: np.linalg.norm(p.X - curve.problem.from_point(near.before)), default=None
             )
             right = [is_where(curve, Omega, samples, point) for point in (coefficients, near.after, jump.after)]
-            ends = [one.rms[0] for one in arrivals(curve, jump)]
+            ends = [one.rms[0] for one in jump_ends(curve, jump)]
             one_of = np.isclose(ends, samples.std(), rtol=0.02).any()
             unsure = "indeterminate" in jump.note or jump.after is None or jump.after.layout.nu > 1
             counts += [1, *right, right[2] or (unsure and one_of)]
@@ -145,7 +145,7 @@ def test_aperiodic_and_resting_motions_are_reported():
     jump = curve.jumps()[0]
     lost = JumpOutcome(jump.value, 0, np.array([0.3]), 3000, None)
     away = JumpOutcome(jump.value, 0, np.array([np.inf]), 20, None)
-    (there, tries), (_, others) = landed((curve,), jump, [lost, away, lost])
+    (there, tries), (_, others) = landings_of((curve,), jump, [lost, away, lost])
     assert there.after is None and there.landing == "integrate" and (tries, others) == ([lost, lost], [away])
     assert there.note == "rms 0.3, not periodic; indeterminate: 2 of 3 tries, 1: the motion diverges"
 
@@ -209,7 +209,7 @@ def test_a_sweep_continues_on_the_doubled_motion_in_front_of_a_fold():
     assert curve[doubling.index - 1].stable and not curve[doubling.index + 1].stable
     assert not {jump.label for jump in curve.jumps()} & {fold.label, doubling.label}
     jump = hb.Jump(doubling.label, "Omega", doubling.parameters["Omega"], -1, doubling, None)
-    (found, *_), *_ = [group for _, group in landed((curve,), jump, arrivals(curve, jump))]
+    (found, *_), *_ = [group for _, group in landings_of((curve,), jump, jump_ends(curve, jump))]
     assert found.period == 2
     doubled = hb.switch(curve, doubling.label)
     (at,) = [i for i in range(len(doubled) - 1) if (doubled.values[i] - found.value) * (doubled.values[i + 1] -

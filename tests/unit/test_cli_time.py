@@ -100,7 +100,7 @@ def test_jumps_interrupted_are_those_to_the_nearest(run, monkeypatch):
     def interrupted(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("hbgear.time.jump_integration.arrivals", interrupted)
+    monkeypatch.setattr("hbgear.time.jump_integration.jump_ends", interrupted)
     code, out, err = run("trace duffing --harmonics 9 --from 0.9 --to 1.3 -o duffing.npz --landing integrate")
     assert code == 3 and "the nearest motions are shown as landings" in err and "wrote duffing.npz" in out
     assert [jump.landing_description for jump in hb.load("duffing.npz").jumps()] == ["nearest", "nearest"]

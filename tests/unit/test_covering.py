@@ -10,7 +10,7 @@ from scipy.io import loadmat
 
 import hbgear as hb
 from hbgear import Status
-from hbgear.analysis.branch_search.multistart import whole_branch
+from hbgear.analysis.branch_search.multistart import complete_branch
 from hbgear.continuation.tracing import coverage
 from hbgear.continuation.tracing.coverage import uncovered_intervals
 
@@ -125,7 +125,7 @@ def test_a_curve_is_taken_up_again_on_the_other_side_of_infinity():
 def test_a_survey_follows_a_curve_that_runs_off_both_ways(pair):
     """From a motion in the middle of the curve: one way to infinity, the other way to the end of the span."""
     i = int(np.argmin(np.abs(pair.values - 0.7)))
-    branch = whole_branch(pair.problem, pair.X[i], float(pair.values[i]), (1.5, 0.3), hb.StepControl(), True)
+    branch = complete_branch(pair.problem, pair.X[i], float(pair.values[i]), (1.5, 0.3), hb.StepControl(), True)
     assert (branch.values[0] == 1.5) != (branch.values[-1] == 1.5) and len(branch.asymptotes) == 1
     assert branch.values.min() == pytest.approx(pair.values[pair["LP1"].index], abs=1e-6)
     (mine,), (theirs,) = branch.jumps(), pair.jumps()

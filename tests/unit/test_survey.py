@@ -6,7 +6,7 @@ from cross.shooting import shoot, state
 
 from hbgear import Duffing, HarmonicBalance, SpurPair, StepControl, switch, trace
 from hbgear.analysis.branch_search.backbone_starts import BackboneStarts
-from hbgear.analysis.branch_search.multistart import random_motions, shifts, trace_all, whole_branch
+from hbgear.analysis.branch_search.multistart import complete_branch, random_motions, shifts, trace_all
 from hbgear.continuation.solvers.deflation import deflated_newton
 from hbgear.mechanics.series.fourier import evaluate, to_complex
 
@@ -40,7 +40,9 @@ def test_a_branch_that_merges_at_both_ends_is_traced_whole():
     doubled = switch(curve, "PD1")
     assert doubled.status == "merged"
     for i in (len(doubled) // 3, len(doubled) - 10):
-        whole = whole_branch(doubled.problem, doubled.X[i], float(doubled.values[i]), (2.6, 0.4), StepControl(), True)
+        whole = complete_branch(
+            doubled.problem, doubled.X[i], float(doubled.values[i]), (2.6, 0.4), StepControl(), True
+        )
         assert whole.status == "merged"
         np.testing.assert_allclose(np.sort(whole.values[[0, -1]]), np.sort(doubled.values[[0, -1]]), atol=1e-3)
         folds = [sorted(p.parameters["Omega"] for p in b.special if p.kind == "LP") for b in (whole, doubled)]

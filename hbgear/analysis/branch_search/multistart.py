@@ -67,8 +67,8 @@ class BranchSearch:
     --------
     >>> import hbgear as hb
     >>> problem = hb.HarmonicBalance(hb.Duffing(), 3)
-    >>> found = hb.trace_all(problem, (0.8, 1.2), frequencies=[1.0], guesses=2)
-    >>> found.status.complete, len(found.log) > 0
+    >>> search = hb.trace_all(problem, (0.8, 1.2), frequencies=[1.0], guesses=2)
+    >>> search.status.complete, len(search.log) > 0
     (True, True)
     """
 
@@ -152,8 +152,8 @@ def trace_all(
     --------
     >>> import hbgear as hb
     >>> isola = hb.HarmonicBalance(hb.Duffing(zeta=0.01, k3=1, F=3), 5, nu=3)
-    >>> found = hb.trace_all(isola, (4.5, 3.5), frequencies=[4.0], guesses=4)
-    >>> len(found.branches) >= 1
+    >>> search = hb.trace_all(isola, (4.5, 3.5), frequencies=[4.0], guesses=4)
+    >>> len(search.branches) >= 1
     True
     """
     problem.require_fixed_resolution("a search for all branches")
@@ -318,7 +318,7 @@ class _Search:
         if self._on_a_branch(X, Omega):
             return
         try:
-            branch = whole_branch(self.problem, X, Omega, self.span, self.steps, self.stability)
+            branch = complete_branch(self.problem, X, Omega, self.span, self.steps, self.stability)
         except NoConvergence as error:
             self.report(f"a motion found at Omega = {Omega:.5g} by {method} could not be traced: {error}")
             return
@@ -335,7 +335,7 @@ def _farthest(values: Array, model_value: float) -> float:
     return float(values[np.argmax(np.abs(values - model_value))])
 
 
-def whole_branch(
+def complete_branch(
     problem: HarmonicBalance, X: Array, Omega: float, span: tuple[float, float], steps: StepControl, stability: bool
 ) -> Branch:
     """Return the complete branch through a motion inside the span: a closed branch, or one from end to end."""

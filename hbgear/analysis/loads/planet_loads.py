@@ -41,8 +41,8 @@ class LoadSharing:
     --------
     >>> import hbgear as hb
     >>> curve = hb.trace(hb.HarmonicBalance(hb.gears.PlanetarySet(), 2), "Omega", (2.3, 2.28), stability=False)
-    >>> found = hb.analysis.load_sharing(curve)
-    >>> found.meshes, found.share[0].round(3).tolist()
+    >>> sharing = hb.analysis.load_sharing(curve)
+    >>> sharing.meshes, sharing.share[0].round(3).tolist()
     (('sun-p1', 'sun-p2', 'sun-p3', 'sun-p4'), [0.25, 0.25, 0.25, 0.25])
     """
 
@@ -79,8 +79,8 @@ def load_sharing(curve: Branch, meshes: Sequence[str] | None = None) -> LoadShar
     >>> import hbgear as hb
     >>> planets = hb.gears.PlanetarySet(planet_errors=(10e-6, 0.0, 0.0, 0.0))
     >>> curve = hb.trace(hb.HarmonicBalance(planets, 2), "Omega", (0.6, 0.58), stability=False)
-    >>> found = hb.analysis.load_sharing(curve, ["sun-p1", "sun-p2", "sun-p3", "sun-p4"])
-    >>> bool(found.share[0].max() > 0.26)
+    >>> sharing = hb.analysis.load_sharing(curve, ["sun-p1", "sun-p2", "sun-p3", "sun-p4"])
+    >>> bool(sharing.share[0].max() > 0.26)
     True
     """
     names, forces = forces_along(curve, meshes)

@@ -144,8 +144,8 @@ def tooth_loads(point: Point, mesh: ToothMesh, element: int | str = 0) -> ToothL
     >>> pair = hb.GearPair(pinion, wheel, backlash="80 um")
     >>> problem = hb.HarmonicBalance(pair.model("200 N m", 0.04, mesh="teeth"), 12)
     >>> curve = hb.trace(problem, "Omega", (1.5, 1.4), stability=False, special=False)
-    >>> found = hb.analysis.tooth_loads(curve[0], hb.gears.tooth_mesh(pair, "200 N m"))
-    >>> round(found.force_factor, 2), found.separated.tolist()
+    >>> loads = hb.analysis.tooth_loads(curve[0], hb.gears.tooth_mesh(pair, "200 N m"))
+    >>> round(loads.force_factor, 2), loads.separated.tolist()
     (0.71, [0.0])
     """
     layout = layout_of(point)

@@ -251,7 +251,7 @@ class PointSensitivity:
             rows.append((f"{name} {LENGTH}", sizes[LENGTH] * size, sizes[LENGTH] * slopes + size * changes[LENGTH]))
         return rows
 
-    def landed(self, after: Point, p_a: Array) -> tuple[PointSensitivity, Array]:
+    def at_landing(self, after: Point, p_a: Array) -> tuple[PointSensitivity, Array]:
         """Return the motion on which a jump lands, at the frequency of the jump, and its derivatives."""
         problem = _at_resolution(self.problem, after)
         parameters = {**self.parameters, self.parameter: self.parameter_value}

@@ -93,8 +93,8 @@ def sensitivity(
     --------
     >>> import hbgear as hb
     >>> curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 8), "Omega", (1.0, 0.6))
-    >>> found = hb.analysis.sensitivity(curve["LP1"], ["zeta", "e[0]"])
-    >>> round(found.of("Omega")["zeta"], 2) > 0
+    >>> table = hb.analysis.sensitivity(curve["LP1"], ["zeta", "e[0]"])
+    >>> round(table.of("Omega")["zeta"], 2) > 0
     True
     """
     if parameters is not None and not len(parameters):
@@ -116,7 +116,7 @@ def sensitivity(
     motions = [(amplitude, base, slopes.X)]
     if isinstance(point, Jump) and point.after is not None:
         motions[0] = (f"{amplitude} before", base, slopes.X)
-        motions.append((f"{amplitude} after", *base.landed(point.after, slopes.p)))
+        motions.append((f"{amplitude} after", *base.at_landing(point.after, slopes.p)))
     for name, motion, X_a in motions:
         rows += motion.amplitudes(name, amplitude, element, X_a, units)
     if multipliers:

@@ -41,10 +41,10 @@ class Sensitivity:
     --------
     >>> import hbgear as hb
     >>> curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.8, 1.6))
-    >>> found = hb.analysis.sensitivity(curve["LP1"])
-    >>> found.quantities
+    >>> table = hb.analysis.sensitivity(curve["LP1"])
+    >>> table.quantities
     ('Omega', 'rms')
-    >>> max(found.percent("Omega"), key=found.percent("Omega").get)
+    >>> max(table.percent("Omega"), key=table.percent("Omega").get)
     'F'
     """
 

@@ -404,7 +404,7 @@ class Ordinate:
     ) -> None:
         self.measure, self.element, self.dof = SHORT_NAMES.get(measure, measure), element, dof
         self.dimensionless = dimensionless
-        self._along: dict[int, tuple[Branch, Array]] = {}
+        self._computed: dict[int, tuple[Branch, Array]] = {}
         self._lengths: dict[Any, float | None] = {}
 
     @property
@@ -436,7 +436,7 @@ class Ordinate:
         ValueError
             If the quantity is unknown at all points.
         """
-        computed = self._along.get(id(branch))
+        computed = self._computed.get(id(branch))
         if computed is not None:
             return computed[1]
         if self.is_amplitude:
@@ -446,7 +446,7 @@ class Ordinate:
             if not np.isfinite(values).any():
                 raise ValueError(f"there is no {self.measure} to draw, as the static force is zero; draw another "
                                  "quantity, such as 'force, largest'")  # fmt: skip
-        self._along[id(branch)] = branch, values  # the branch is kept, so that its id is not used again
+        self._computed[id(branch)] = branch, values  # the branch is kept, so that its id is not used again
         return values
 
     def at(self, point: Point, branch: Branch | None = None) -> float:

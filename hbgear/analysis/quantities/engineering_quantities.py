@@ -65,10 +65,10 @@ class MachineQuantities:
     --------
     >>> import hbgear as hb
     >>> curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 12), "Omega", (1.5, 0.6))
-    >>> found = hb.analysis.machine_quantities(curve)
-    >>> list(found.columns)[1:-1]
+    >>> quantities = hb.analysis.machine_quantities(curve)
+    >>> list(quantities.columns)[1:-1]
     ['dte, half peak-to-peak [-]', 'force, largest [-]', 'force, static [-]', 'dynamic factor [-]']
-    >>> round(float(found["dynamic factor"].max()), 1)
+    >>> round(float(quantities["dynamic factor"].max()), 1)
     3.7
     """
 
@@ -150,8 +150,8 @@ def machine_quantities(
     --------
     >>> import hbgear as hb
     >>> curve = hb.trace(hb.HarmonicBalance(hb.gears.GearRotorBearing(), 8), "Omega", (1.5, 1.4))
-    >>> found = hb.analysis.machine_quantities(curve, element="bearing 1", dof="y_1")
-    >>> [name for name in found.columns if name.startswith("acc")]
+    >>> quantities = hb.analysis.machine_quantities(curve, element="bearing 1", dof="y_1")
+    >>> [name for name in quantities.columns if name.startswith("acc")]
     ['acceleration, rms [-]']
     """
     if isinstance(found, Branch):

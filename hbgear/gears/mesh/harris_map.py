@@ -44,8 +44,8 @@ class HarrisMap:
     --------
     >>> import hbgear as hb
     >>> import numpy as np
-    >>> found = hb.gears.HarrisMap(np.array([50.0]), np.array([0.0, 0.5]), np.array([[2e-6, 3e-6]]))
-    >>> round(1e6 * float(found.peak_to_peak[0]), 6)
+    >>> curves = hb.gears.HarrisMap(np.array([50.0]), np.array([0.0, 0.5]), np.array([[2e-6, 3e-6]]))
+    >>> round(1e6 * float(curves.peak_to_peak[0]), 6)
     1.0
     """
 
@@ -88,8 +88,8 @@ def harris_map(pair: GearPair, torques: Sequence[Any], *, phases: int = 256) -> 
     >>> pinion, wheel = (
     ...     hb.gears.Gear(teeth=z, module="3 mm", face_width="20 mm", tip_relief="12 um") for z in (25, 40)
     ... )
-    >>> found = hb.gears.harris_map(hb.GearPair(pinion, wheel), ["50 N m", "150 N m"], phases=64)
-    >>> bool(found.peak_to_peak[0] > found.peak_to_peak[1])
+    >>> curves = hb.gears.harris_map(hb.GearPair(pinion, wheel), ["50 N m", "150 N m"], phases=64)
+    >>> bool(curves.peak_to_peak[0] > curves.peak_to_peak[1])
     True
     """
     values = [to_si("harris_map", "torque", torque, "N m") for torque in torques]

@@ -59,7 +59,7 @@ class DrawingParameter(NamedTuple):
         return f"{self.label} [{self.unit or '-'}]"
 
 
-def _both(name: str) -> tuple[tuple[str, str], ...]:
+def _of_both_gears(name: str) -> tuple[tuple[str, str], ...]:
     return tuple((gear, name) for gear in GEARS)
 
 
@@ -70,7 +70,7 @@ PARAMETERS: Mapping[str, DrawingParameter] = {
     "backlash": DrawingParameter("backlash", "um", 1e6, POSITIVE, (("pair", "backlash"),)),
     "pitch_error": DrawingParameter("pitch error", "um", 1e6, ANY, (("pair", "pitch_error"),)),
     "misalignment": DrawingParameter("misalignment", "um", 1e6, ANY, (("pair", "misalignment"),)),
-    "tip_relief": DrawingParameter("tip relief of both gears", "um", 1e6, NOT_NEGATIVE, _both("tip_relief")),
+    "tip_relief": DrawingParameter("tip relief of both gears", "um", 1e6, NOT_NEGATIVE, _of_both_gears("tip_relief")),
     "tip_relief_pinion": DrawingParameter(
         "tip relief of the pinion", "um", 1e6, NOT_NEGATIVE, (("pinion", "tip_relief"),)
     ),
@@ -79,8 +79,8 @@ PARAMETERS: Mapping[str, DrawingParameter] = {
     ),
     "runout_pinion": DrawingParameter("run-out of the pinion", "um", 1e6, NOT_NEGATIVE, (("pinion", "runout"),)),
     "runout_wheel": DrawingParameter("run-out of the wheel", "um", 1e6, NOT_NEGATIVE, (("wheel", "runout"),)),
-    "module": DrawingParameter("normal module", "mm", 1e3, POSITIVE, _both("module")),
-    "width": DrawingParameter("face width of both gears", "mm", 1e3, POSITIVE, _both("face_width")),
+    "module": DrawingParameter("normal module", "mm", 1e3, POSITIVE, _of_both_gears("module")),
+    "width": DrawingParameter("face width of both gears", "mm", 1e3, POSITIVE, _of_both_gears("face_width")),
     "shift_pinion": DrawingParameter("profile shift of the pinion", "", 1.0, ANY, (("pinion", "profile_shift"),)),
     "shift_wheel": DrawingParameter("profile shift of the wheel", "", 1.0, ANY, (("wheel", "profile_shift"),)),
     "bearing_pinion": DrawingParameter(
@@ -231,9 +231,9 @@ class DrawnPair(Model):  # numpydoc ignore=PR02
 
     @cached_property
     def _parameters(self) -> dict[str, float]:
-        return {name: _rounded(value * PARAMETERS[name].scale) for name, value in self._values()}
+        return {name: _rounded(value * PARAMETERS[name].scale) for name, value in self._parameter_values()}
 
-    def _values(self) -> list[tuple[str, float]]:
+    def _parameter_values(self) -> list[tuple[str, float]]:
         """Return the parameters that this pair has, in SI units."""
         named_values = []
         for name, x in PARAMETERS.items():

@@ -92,19 +92,19 @@ class Train(TrainLayout):  # numpydoc ignore=PR02
 
     # ---- matrices in SI units
 
-    def _onto(self, parts: Mapping[str, Array]) -> Array:
+    def _assembled(self, parts: Mapping[str, Array]) -> Array:
         """Return a vector of all coordinates from vectors (6,) of wheels and (h,) of the housing, under ""."""
         return np.array([parts[name][axis] if name in parts else 0.0 for name, axis in self._coordinates])
 
     def _from_seat(self, bearing: Bearing, axis: int) -> Array:
         """Return the displacement (n,) of a wheel relative to the seat of its bearing, in one direction."""
         seat = {"": -self.housing.seat(bearing.at, axis)} if self.housing else {}
-        return self._onto({bearing.at: np.eye(6)[axis], **seat})
+        return self._assembled({bearing.at: np.eye(6)[axis], **seat})
 
     def structure(self) -> tuple[Array, Array, Array]:
         """Return M, C, K (n, n) in SI units, without the meshes and the springs of bearings with a clearance."""
         n, masses = len(self._coordinates), {wheel.name: wheel.masses for wheel in self.wheels}
-        M = np.diag(self._onto(masses))
+        M = np.diag(self._assembled(masses))
         C, K = np.zeros((2, n, n))
         for bearing in self.bearings:
             k, c = bearing.stiffness, bearing.dampers(masses[bearing.at])
@@ -118,7 +118,7 @@ class Train(TrainLayout):  # numpydoc ignore=PR02
             k, c = shaft.stiffness, 2 * shaft.damping * np.sqrt(shaft.stiffness * joined)
             for axis in range(6):
                 unit = np.eye(6)[axis]
-                w = self._onto({shaft.first: unit, shaft.second: -unit})
+                w = self._assembled({shaft.first: unit, shaft.second: -unit})
                 K += k[axis] * np.outer(w, w)
                 C += c[axis] * np.outer(w, w)
         for beam in self.beams:
@@ -145,7 +145,7 @@ class Train(TrainLayout):  # numpydoc ignore=PR02
         for mesh, side, angles in zip(self.meshes, found.sides, found.angles, strict=True):
             outer, inner = inner_first(mesh, self._by_name)
             first, second = line_of_action(mesh, side, angles, outer, inner)
-            columns.append(self._onto({outer.name: first, inner.name: second}))
+            columns.append(self._assembled({outer.name: first, inner.name: second}))
         return np.array(columns).T
 
     def _speed_terms(self, scale: Array) -> SpeedTerms | None:
@@ -232,7 +232,7 @@ class Train(TrainLayout):  # numpydoc ignore=PR02
         ]
         rubbing = [
             element for i, (mesh, gap) in enumerate(zip(self.meshes, gaps, strict=True))
-            for element in friction_elements(mesh, gap, self._by_name, found, i, lambda parts: S * self._onto(parts))
+            for element in friction_elements(mesh, gap, self._by_name, found, i, lambda parts: S * self._assembled(parts))
         ]  # fmt: skip
         free = self._free_of_rotation(SS * M, SS * K, S) if rubbing else lambda vector: vector
         gaps += [
@@ -249,7 +249,7 @@ class Train(TrainLayout):  # numpydoc ignore=PR02
             K=SS * K / self.k_mean,
             elements=gaps,
             load=[
-                Load(constant=free(S * self._onto(torques) / force)),
+                Load(constant=free(S * self._assembled(torques) / force)),
                 *self._unbalances(S / force),
                 *self._fluctuations(S / force, free),
             ],
@@ -304,7 +304,7 @@ class Train(TrainLayout):  # numpydoc ignore=PR02
             size = self.unbalance_scale * wheel.unbalance * (float(speed) * self.omega_n) ** 2
             turn = size * np.exp(1j * (self._kinematics.turned[wheel.name] + wheel.unbalance_angle))
             direction = 1.0 if speed > 0 else -1.0
-            x, y = (scale * self._onto({wheel.name: np.eye(6)[axis]}) for axis in (0, 1))
+            x, y = (scale * self._assembled({wheel.name: np.eye(6)[axis]}) for axis in (0, 1))
             order = abs(int(speed))
             cosine, sine = turn.real * x + turn.imag * y, direction * (turn.real * y - turn.imag * x)
             found.append(Load(cosine={order: cosine}, sine={order: sine}, power=2))
@@ -317,7 +317,7 @@ class Train(TrainLayout):  # numpydoc ignore=PR02
             if not self.fluctuation_scale or not wheel.torque_orders:
                 continue  # a wheel that does not turn has no angle, and no orders
             speed, turned = self._kinematics.speeds[wheel.name], self._kinematics.turned[wheel.name]
-            direction = free(scale * self._onto({wheel.name: np.eye(6)[5]}) * self.fluctuation_scale)
+            direction = free(scale * self._assembled({wheel.name: np.eye(6)[5]}) * self.fluctuation_scale)
             for order, amplitude, phase in wheel.torque_orders:
                 multiple = int(exact_order(wheel.name, order) * abs(speed) / self._kinematics.ratio)
                 angle = (order * turned + phase) * (1 if speed > 0 else -1)

@@ -304,9 +304,9 @@ class Iwan(_Sliders):  # numpydoc ignore=PR02
     --------
     >>> import hbgear as hb
     >>> joint = hb.mechanics.Iwan.uniform(k=2.0, limit=0.3, number=4)
-    >>> [round(one.limit / one.k, 4) for one in joint.sliders]
+    >>> [round(slider.limit / slider.k, 4) for slider in joint.sliders]
     [0.0375, 0.1125, 0.1875, 0.2625]
-    >>> round(sum(one.limit for one in joint.sliders), 12)
+    >>> round(sum(slider.limit for slider in joint.sliders), 12)
     0.3
     """
 

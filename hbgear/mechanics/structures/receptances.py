@@ -105,9 +105,9 @@ class Receptances:  # numpydoc ignore=PR02
     >>> import hbgear as hb
     >>> import numpy as np
     >>> w = np.linspace(0.0, 12.0, 1201)
-    >>> found = hb.mechanics.Receptances(w, (1 / (1 - w**2 + 0.1j * w))[:, None, None], ["x"])
-    >>> stop = hb.Element(found.along({"x": 1.0}), hb.Unilateral(k=1.0, gap=1.0), name="stop")
-    >>> machine = found.system([stop], hb.Load(cosine={1: found.along({"x": 0.2})}))
+    >>> measured = hb.mechanics.Receptances(w, (1 / (1 - w**2 + 0.1j * w))[:, None, None], ["x"])
+    >>> stop = hb.Element(measured.along({"x": 1.0}), hb.Unilateral(k=1.0, gap=1.0), name="stop")
+    >>> machine = measured.system([stop], hb.Load(cosine={1: measured.along({"x": 0.2})}))
     >>> curve = hb.trace(hb.HarmonicBalance(machine, 8), "Omega", (0.6, 1.5))
     >>> curve.stable is None
     True

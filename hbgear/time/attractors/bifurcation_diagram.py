@@ -53,8 +53,8 @@ class Window:
     Examples
     --------
     >>> import hbgear as hb
-    >>> found = hb.time.bifurcation_diagram(hb.Duffing(zeta=0.3), "Omega", (0.5, 0.6), "up", values=2)
-    >>> (window,) = found.windows()
+    >>> diagram = hb.time.bifurcation_diagram(hb.Duffing(zeta=0.3), "Omega", (0.5, 0.6), "up", values=2)
+    >>> (window,) = diagram.windows()
     >>> window.low, window.high, window.period
     (0.5, 0.6, 1)
     """
@@ -85,8 +85,8 @@ class BifurcationDiagram:
     Examples
     --------
     >>> import hbgear as hb
-    >>> found = hb.time.bifurcation_diagram(hb.Duffing(zeta=0.3), "Omega", (0.5, 0.6), "up", values=3)
-    >>> [(window.verdict.value, window.period, window.count) for window in found.windows()]
+    >>> diagram = hb.time.bifurcation_diagram(hb.Duffing(zeta=0.3), "Omega", (0.5, 0.6), "up", values=3)
+    >>> [(window.verdict.value, window.period, window.count) for window in diagram.windows()]
     [('periodic', 1, 3)]
     """
 
@@ -175,8 +175,8 @@ def bifurcation_diagram(
     Examples
     --------
     >>> import hbgear as hb
-    >>> found = hb.time.bifurcation_diagram(hb.Duffing(zeta=0.3), "Omega", (0.5, 0.6), values=2)
-    >>> len(found.sweeps), bool(found.lyapunov[0][0] < 0)
+    >>> diagram = hb.time.bifurcation_diagram(hb.Duffing(zeta=0.3), "Omega", (0.5, 0.6), values=2)
+    >>> len(diagram.sweeps), bool(diagram.lyapunov[0][0] < 0)
     (2, True)
     """
     if direction not in ("both", "up", "down"):

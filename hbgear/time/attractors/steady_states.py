@@ -64,8 +64,8 @@ class SteadyMotion:
     Examples
     --------
     >>> import hbgear as hb
-    >>> found = hb.time.steady_states(hb.Duffing(zeta=0.2), 1.0, starts=5, guesses=2, periods=1)
-    >>> (motion,) = found.motions
+    >>> states = hb.time.steady_states(hb.Duffing(zeta=0.2), 1.0, starts=5, guesses=2, periods=1)
+    >>> (motion,) = states.motions
     >>> motion.period, motion.stable, motion.share
     (1, True, 1.0)
     """
@@ -97,8 +97,8 @@ class SteadyStates:
     Examples
     --------
     >>> import hbgear as hb
-    >>> found = hb.time.steady_states(hb.Duffing(zeta=0.2), 1.0, starts=5, guesses=2, periods=1)
-    >>> [(motion.period, motion.stable) for motion in found.motions], found.missing
+    >>> states = hb.time.steady_states(hb.Duffing(zeta=0.2), 1.0, starts=5, guesses=2, periods=1)
+    >>> [(motion.period, motion.stable) for motion in states.motions], states.missing
     ([(1, True)], 0)
     """
 
@@ -178,8 +178,8 @@ def steady_states(
     Between its folds the Duffing oscillator has three motions:
 
     >>> import hbgear as hb
-    >>> found = hb.time.steady_states(hb.Duffing(), 1.102, harmonics=7, starts=20, guesses=6, periods=1)
-    >>> [motion.stable for motion in found.motions], found.indices
+    >>> states = hb.time.steady_states(hb.Duffing(), 1.102, harmonics=7, starts=20, guesses=6, periods=1)
+    >>> [motion.stable for motion in states.motions], states.indices
     ([True, True, False], {1: 1})
     """
     checked("steady_states", "Omega", Omega, POSITIVE)

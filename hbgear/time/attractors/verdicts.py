@@ -54,8 +54,8 @@ class Verdict(StrEnum):
     Examples
     --------
     >>> import hbgear as hb
-    >>> found = hb.time.bifurcation_diagram(hb.Duffing(zeta=0.3), "Omega", (0.5, 0.6), "up", values=2)
-    >>> found.verdicts[0][0] == hb.time.Verdict.PERIODIC
+    >>> diagram = hb.time.bifurcation_diagram(hb.Duffing(zeta=0.3), "Omega", (0.5, 0.6), "up", values=2)
+    >>> diagram.verdicts[0][0] == hb.time.Verdict.PERIODIC
     True
     """
 

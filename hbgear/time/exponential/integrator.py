@@ -50,7 +50,7 @@ from hbgear.time.exponential.modal_states import (
 )
 from hbgear.time.exponential.segments import SAMPLES_PER_STEP, Integers, segment_at
 from hbgear.time.exponential.steady_part import highest_order, steady_part
-from hbgear.time.exponential.step_number import MAX_EXCITATION_STEPS, resolved
+from hbgear.time.exponential.step_number import MAX_EXCITATION_STEPS, with_sufficient_steps
 from hbgear.time.exponential.step_tables import Steps, dense, packed
 
 __all__ = ["ExponentialIntegrator", "StateBatch", "modal_state", "physical_state"]
@@ -350,7 +350,7 @@ class ExponentialIntegrator:
     def take_sufficient_steps(self, batch: StateBatch) -> None:
         """Take more steps where motions with cubic springs or laws in Python require them."""
         if self.adaptive and not self.method.straight and len(batch.d):
-            self.__dict__.update({**resolved(self, batch).__dict__, "adaptive": True})
+            self.__dict__.update({**with_sufficient_steps(self, batch).__dict__, "adaptive": True})
 
     def _integrate(self, batch: StateBatch, periods: int, strobes: Array, fine: Array) -> None:
         """Integrate motions in place, many motions by several threads."""

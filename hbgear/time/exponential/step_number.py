@@ -30,7 +30,7 @@ MAX_REFINEMENT = 64
 """Largest ratio of the steps that a law requires to those that springs and excitation require."""
 
 
-def resolved(integrator: Any, motions: StateBatch) -> Any:
+def with_sufficient_steps(integrator: Any, motions: StateBatch) -> Any:
     """Return the integrator with as many steps as motions require.
 
     Parameters

@@ -47,7 +47,7 @@ from hbgear.harmonic.equations import layout as measures
 from hbgear.harmonic.structure.linear_structure import LinearStructure
 from hbgear.mechanics.series.fourier import to_complex
 from hbgear.time.integration import start_state
-from hbgear.time.jump_integration import JumpOutcome, arrivals, landed
+from hbgear.time.jump_integration import JumpOutcome, jump_ends, landings_of
 from hbgear.time.runge_kutta import Flow
 from hbgear.time.shooting import Orbit, from_modal, shoot, to_modal
 from hbgear.time.validation.point_selection import choose, problem_for
@@ -184,7 +184,7 @@ def _check_jump(curves: tuple[Branch, ...], number: int, jump: Jump) -> JumpChec
     """Return the comparison of a jump of one of the curves with time integration."""
     branch = curves[number]
     landing = jump.after
-    ends = landed((branch, *(curve for curve in curves if curve is not branch)), jump, arrivals(branch, jump))
+    ends = landings_of((branch, *(curve for curve in curves if curve is not branch)), jump, jump_ends(branch, jump))
     decided_jump, (result, *_) = ends[0]
     elements = branch.layout.elements if branch.layout else ()
     before = np.array([jump.before.amplitude("rms", j) for j in range(len(elements))])
@@ -244,7 +244,7 @@ def _landing_curve(curves: tuple[Branch, ...], number: int, jump: Jump) -> int |
 # ---- one point
 
 
-class _Compared(NamedTuple):
+class _Comparison(NamedTuple):
     """Harmonic-balance solution with H harmonics, and the periodic motion computed by shooting from it."""
 
     H: int
@@ -269,14 +269,14 @@ def _check(curves: tuple[Branch, ...], number: int, i: int, reason: str, toleran
     stored_mu = None if stored_mu is None or np.isnan(stored_mu).any() else stored_mu
     stable = None if branch.multipliers is None else branch[i].stable
 
-    def status_of(compared: _Compared) -> str:
+    def status_of(compared: _Comparison) -> str:
         return _status(compared, stable, tolerance, limit)
 
-    original = last = _compared(problem, X, stored_mu, parameters)
+    original = last = _comparison(problem, X, stored_mu, parameters)
     status = status_of(original)
     if status != AGREES and _has_own_multipliers(problem, X, original, parameters):
         for finer, Y in _refinements(problem, X, parameters):
-            last = _compared(finer, Y, None, parameters)
+            last = _comparison(finer, Y, None, parameters)
             if status_of(last) == AGREES:
                 status = f"{AGREES} with H = {last.H}"
                 break
@@ -313,7 +313,7 @@ def _check(curves: tuple[Branch, ...], number: int, i: int, reason: str, toleran
     )
 
 
-def _has_own_multipliers(problem: Any, X: Array, base: _Compared, parameters: dict[str, float]) -> bool:
+def _has_own_multipliers(problem: Any, X: Array, base: _Comparison, parameters: dict[str, float]) -> bool:
     """Return whether multipliers are those of X, or of a more accurate motion: then they are closer to shooting."""
     recomputed = problem.multipliers(X, **parameters)
     allowed = _MULTIPLIER_CONSISTENCY * max(1.0, float(np.abs(base.mu).max()))
@@ -323,7 +323,7 @@ def _has_own_multipliers(problem: Any, X: Array, base: _Compared, parameters: di
     return stored_error <= new_error + allowed
 
 
-def _compared(problem: Any, X: Array, mu: ComplexArray | None, parameters: dict[str, float]) -> _Compared:
+def _comparison(problem: Any, X: Array, mu: ComplexArray | None, parameters: dict[str, float]) -> _Comparison:
     """Return a solution with its periodic motion by shooting; without it if shooting does not converge."""
     changes = {k: v for k, v in parameters.items() if k != "Omega"}
     model = problem.model.replace(**changes) if changes else problem.model
@@ -335,8 +335,8 @@ def _compared(problem: Any, X: Array, mu: ComplexArray | None, parameters: dict[
     try:
         orbit = shoot(model, parameters["Omega"], y, problem.nu, tolerance=10 * _INTEGRATION_TOLERANCE)
     except (NoConvergence, ArithmeticError, np.linalg.LinAlgError):
-        return _Compared(problem.H, rows, mu, closure)
-    return _Compared(problem.H, rows, mu, closure, orbit, _growth(model, orbit))
+        return _Comparison(problem.H, rows, mu, closure)
+    return _Comparison(problem.H, rows, mu, closure, orbit, _growth(model, orbit))
 
 
 def _refinements(problem: Any, X: Array, parameters: dict[str, float]) -> Iterator[tuple[Any, Array]]:
@@ -420,7 +420,7 @@ def _growth(model: Any, orbit: Orbit) -> float:
     return float(abs(last / first) ** (1 / periods))
 
 
-def _status(compared: _Compared, stable: bool | None, tolerance: float, limit: float) -> str:
+def _status(compared: _Comparison, stable: bool | None, tolerance: float, limit: float) -> str:
     """Return the quantities that disagree, or `AGREES`."""
     if compared.orbit is None:
         return "no periodic motion found"
