@@ -258,7 +258,7 @@ def _follow_to_cusps(
     Each fold curve is appended to `traced`; folds on a fold curve of this list are skipped.
     """
     model_value, allowed = problem.value_of(parameter), problem.range_of(parameter)
-    reach = _MAX_PARAMETER_RATIO * (abs(model_value) or 1.0)
+    max_change = _MAX_PARAMETER_RATIO * (abs(model_value) or 1.0)
     for point in folds_of(curve):
         if any(on_fold_curve(problem, fold, point, parameter) for fold in traced):
             continue
@@ -269,7 +269,7 @@ def _follow_to_cusps(
         value = point.parameters[parameter]
         first = -1 if model_value < value else 1  # towards the value of the model
         for side in (first, -first):
-            end = allowed.clipped(value + side * reach, value)
+            end = allowed.clipped(value + side * max_change, value)
             if end * value < _MIN_PARAMETER_RATIO * value**2:
                 end = _MIN_PARAMETER_RATIO * value
             if end == value:

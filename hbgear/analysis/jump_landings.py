@@ -184,7 +184,7 @@ def stable_points(branch: Branch, value: float) -> list[Point]:
 
 
 def same_motion(motion: Point, points: Sequence[Point], tolerance: float = MAX_MOTION_DIFFERENCE) -> int | None:
-    """Return the number of the motion that equals a given motion at the same parameter, including its phase.
+    """Return the index of the point that equals a given motion at the same parameter, including its phase.
 
     Motions may differ in resolution and period, and by a shift of whole periods of the excitation. Solutions of the
     same equations are compared by `hbgear.continuation.solvers.deflation.same_solution`, with a tolerance of Newton's
@@ -202,7 +202,7 @@ def same_motion(motion: Point, points: Sequence[Point], tolerance: float = MAX_M
     Returns
     -------
     int or None
-        Number of the nearest of the others. None if each difference exceeds the tolerance.
+        Index of the nearest of the points. None if each difference exceeds the tolerance.
     """
     differences = [_relative_difference(motion, point) for point in points]
     nearest_index = int(np.argmin(differences)) if differences else -1

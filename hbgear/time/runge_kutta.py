@@ -332,8 +332,8 @@ class Flow:
         elements = np.arange(self.m)
         low, high = self.segments.low[elements, segment], self.segments.high[elements, segment]
         (d0, v0), (d1, v1) = self.gaps(solver.t_old, before, interval), self.gaps(solver.t, solver.y, interval)
-        reach = 2 * (solver.t - solver.t_old) * np.maximum(np.abs(v0), np.abs(v1))
-        if np.all((np.maximum(d0, d1) + reach < high) & (np.minimum(d0, d1) - reach > low)):
+        max_change = 2 * (solver.t - solver.t_old) * np.maximum(np.abs(v0), np.abs(v1))
+        if np.all((np.maximum(d0, d1) + max_change < high) & (np.minimum(d0, d1) - max_change > low)):
             return np.full(self.m, np.inf), np.zeros(self.m, dtype=int)
         dense = solver.dense_output()
         t = np.linspace(solver.t_old, solver.t, SAMPLES_PER_STEP + 1)

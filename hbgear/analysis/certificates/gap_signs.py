@@ -38,7 +38,7 @@ class Gap(NamedTuple):
         """Return h and h' at a point of the step."""
         return self.h(s) + self.remainders[0], self.first(s) + self.remainders[1]
 
-    def bend(self, s: Any) -> Any:
+    def curvature(self, s: Any) -> Any:
         """Return h'' on an interval."""
         return self.second(s) + self.remainders[2]
 
@@ -98,11 +98,11 @@ def _unproved(gap: Gap, width: Any, left: int, right: int) -> float | None:
     while stack:
         a, b, zero_a, zero_b, depth = stack.pop()
         middle, R = 0.5 * (a + b), 0.5 * (b - a) * (1 + 1e-12)
-        bend = gap.bend(arb(middle, R))
+        curvature = gap.curvature(arb(middle, R))
         value, slope = gap.at(arb(middle))
-        if _is_positive(value, slope, bend, arb(0, R), zero_a, zero_b):
+        if _is_positive(value, slope, curvature, arb(0, R), zero_a, zero_b):
             continue
-        if zero_a == zero_b == SINGLE and bend < 0:
+        if zero_a == zero_b == SINGLE and curvature < 0:
             continue
         if depth == MAX_INTERVAL_HALVINGS:
             return middle
@@ -110,19 +110,19 @@ def _unproved(gap: Gap, width: Any, left: int, right: int) -> float | None:
     return None
 
 
-def _is_positive(value: Any, slope: Any, bend: Any, offsets: Any, zero_a: int, zero_b: int) -> bool:
+def _is_positive(value: Any, slope: Any, curvature: Any, offsets: Any, zero_a: int, zero_b: int) -> bool:
     """Return whether h > 0 follows on an interval with at most one zero at its ends."""
     from flint import arb
 
     if zero_a and zero_b:
         return False
-    slopes = slope + bend * offsets
+    slopes = slope + curvature * offsets
     if zero_a == SINGLE:
         return bool(slopes > 0)
     if zero_b == SINGLE:
         return bool(slopes < 0)
     if zero_a or zero_b:
-        return bool(bend > 0)
+        return bool(curvature > 0)
     half = offsets.abs_upper() ** 2 / 2
-    lowest = value + slope * offsets + bend * arb(0).union(half)
+    lowest = value + slope * offsets + curvature * arb(0).union(half)
     return bool(lowest > 0)

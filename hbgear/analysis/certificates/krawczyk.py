@@ -106,8 +106,8 @@ class Krawczyk:
         """Return the smallest of `RADII` whose box is mapped into its interior; None without one."""
         if self.Y is None or not all(x.is_finite() for x in self.step):
             return None
-        reach = max(float((x / scale).abs_upper()) for x, scale in zip(self.step, scales, strict=True))
-        return next((R for R in RADII if reach < R and self.image(scales * R) is not None), None)
+        ratio = max(float((x / scale).abs_upper()) for x, scale in zip(self.step, scales, strict=True))
+        return next((R for R in RADII if ratio < R and self.image(scales * R) is not None), None)
 
     def largest_radius(self, scales: Balls, smallest: float) -> float:
         """Return the largest of every second of `RADII` with an image in the interior of its box."""

@@ -154,8 +154,8 @@ def _check_grazing(equations: PointEquations, Z: Balls, flows: list[Any]) -> Non
     system = equations.system
     y = _state(equations, Z, flows[i], i, t)
     A, _, slope = flows[i].at(t)
-    bend = system.rows[element] @ (A @ (A @ y)) + system.rows[element] @ (slope @ y)
-    if not bend * side < 0:
+    curvature = system.rows[element] @ (A @ (A @ y)) + system.rows[element] @ (slope @ y)
+    if not curvature * side < 0:
         raise NotCertifiedError("grazing", "the gap has no strict extremum at the grazing")
 
 
@@ -192,7 +192,7 @@ def _check_gaps(equations: PointEquations, Z: Balls, flows: list[Any]) -> None:
 
 
 def _split_at_grazing(equations: PointEquations, Z: Balls, flow: Any, i: int, gap_signs: list[Any]) -> list[Any]:
-    """Return the two parts of the segment with a grazing: state, ends and sides."""
+    """Return the two parts of the segment with a grazing contact: state, ends and signs of the gaps."""
     _, element, breakpoint, _ = equations.order.grazing  # type: ignore[misc]
     t, (a, b) = Z[equations.n + 1], equations.ends(Z)[i]
 

@@ -183,7 +183,7 @@ def tooth_loads(point: Point, mesh: ToothMesh, element: int | str = 0) -> ToothL
 
 
 def _loaded(flanks: Sequence[Flank], side: int) -> list[Flank]:
-    """Return the flanks with those of a side as driving ones."""
+    """Return copies of the flanks in which the flanks of a side are the driving ones."""
     return [replace(flank, side=side * flank.side) for flank in flanks]
 
 

@@ -93,7 +93,7 @@ class RelocatedPoint:
 
 
 def _changed(parameters: Mapping[str, float], names: Sequence[str], changes: Array) -> dict[str, float]:
-    """Return parameters with changes of some of them."""
+    """Return a copy of the parameters in which the named ones are changed."""
     return {**parameters, **{name: parameters[name] + float(x) for name, x in zip(names, changes, strict=True)}}
 
 

@@ -376,10 +376,10 @@ def _check_contact(pair: GearPair) -> None:
                     f"or a larger centre distance than {pair.mounting_distance * mm:.6g} mm"
                 )
     if pair.contact_ratio + pair.overlap_ratio < 1 or pair.contact_ratio <= 0:
-        cut = [name for name, gear in (("pinion", p), ("wheel", w)) if gear.undercut]
+        undercut = [name for name, gear in (("pinion", p), ("wheel", w)) if gear.undercut]
         raise ValueError(
             f"GearPair: the contact ratio is {pair.total_contact_ratio:.3f}; it must be at least 1, or no tooth "
             "is in contact for a part of the time: give larger tip diameters, more teeth, or a smaller centre "
-            f"distance or pressure angle{f', or less undercut of the {cut[0]}' if cut else ''}"
+            f"distance or pressure angle{f', or less undercut of the {undercut[0]}' if undercut else ''}"
         )
     pair.engagement.check()

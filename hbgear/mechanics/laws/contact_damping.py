@@ -101,11 +101,11 @@ class HuntCrossley(Law):  # numpydoc ignore=PR02
     def force(self, d: Array, v: Array, tau: Array) -> Forces:
         side = np.where(d < 0, -1.0, 1.0) if self.sides == 2 else np.ones_like(d)
         depth = np.maximum(side * d - self.gap, 0.0)
-        push = np.maximum(1 + self.contact_damping * side * v, 0.0)
-        closed = (depth > 0) & (push > 0)
+        factor = np.maximum(1 + self.contact_damping * side * v, 0.0)
+        closed = (depth > 0) & (factor > 0)
         elastic = np.where(closed, self.k * depth**self.exponent, 0.0)
         slope = np.where(closed, self.k * self.exponent * depth ** (self.exponent - 1.0), 0.0)
-        return side * elastic * push, slope * push, elastic * self.contact_damping
+        return side * elastic * factor, slope * factor, elastic * self.contact_damping
 
 
 @dataclass(frozen=True)

@@ -64,7 +64,7 @@ class VectorLaw(Law):
 
     @property
     def grazes(self) -> bool:
-        """Whether its edges are events of a curve; False if those of another element are the same."""
+        """Whether its edges are events of a curve; False if another element has the same edges."""
         return True
 
     @property

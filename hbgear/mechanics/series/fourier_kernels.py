@@ -92,11 +92,11 @@ def highest(c: Any, samples: Any, side: float) -> tuple[float, float]:
         before, after = side * samples[n - 1], side * samples[n + 1 - N]
         if value < before or value < after:
             continue  # a neighbouring sample is higher
-        bend = before - 2.0 * value + after
-        theta = step * (n + 0.5 * (before - after) / bend) if bend < 0.0 else step * n
+        difference = before - 2.0 * value + after
+        theta = step * (n + 0.5 * (before - after) / difference) if difference < 0.0 else step * n
         for _ in range(16):
-            _, slope, curve = value_of(c, 0.0, theta)
-            correction = side * slope / abs(curve) if abs(curve) > 1e-300 else 0.0  # |curve|: always uphill
+            _, slope, curvature = value_of(c, 0.0, theta)
+            correction = side * slope / abs(curvature) if abs(curvature) > 1e-300 else 0.0  # |curve|: always uphill
             correction = min(0.5 * step, max(-0.5 * step, correction))
             theta += correction
             if abs(correction) <= 1e-6:  # the next correction is quadratically smaller

@@ -364,7 +364,7 @@ class _Search:
         return [problem.from_layout(Y, own_problem.layout) for Y in shifts(own_problem, motion.X)]
 
     def _add(self, X: Array, period: int) -> _Motion:
-        """Return the motion of a solution; it is added to those found if it is new."""
+        """Return the motion of a solution; a new motion is added to the list."""
         problem = self._problem(period)
         for motion in self.motions:
             if motion.period == period and any(same_solution(X, Y) for Y in self._copies(motion, period)):

@@ -633,25 +633,25 @@ def _linearise(
     for spring in range(len(element)):
         j = element[spring]
         row = j if contact[spring] < 0 else m + contact[spring]
-        bend, shift = slope[spring, segment[row]], offset[spring, segment[row]]
-        if bend == 0.0 and shift == 0.0:
+        gradient, constant = slope[spring, segment[row]], offset[spring, segment[row]]
+        if gradient == 0.0 and constant == 0.0:
             continue
         for i in range(s):
             x = y[i * 2 * m + j] if row == j else y[i * 2 * m + j] - _level(levels, row, nodes[i])
-            right[i * m + j] += k[cell, i, spring] * (bend * x + shift)
-            scratch[0, i * m + j] += k[cell, i, spring] * bend
+            right[i * m + j] += k[cell, i, spring] * (gradient * x + constant)
+            scratch[0, i * m + j] += k[cell, i, spring] * gradient
     for i in range(s):
         for j in range(m):
             a, row = i * m + j, i * 2 * m + j
             if in_python[j]:
                 right[a], scratch[0, a] = forces[0, i, j], forces[1, i, j]
-            pull, bend = kr[j] * y[row], scratch[0, a] - kr[j]
-            size = max(size, abs(right[a]) + abs(pull))
-            right[a] -= pull + w[a]
+            linear, gradient = kr[j] * y[row], scratch[0, a] - kr[j]
+            size = max(size, abs(right[a]) + abs(linear))
+            right[a] -= linear + w[a]
             if breakpoints is not None:
                 right[a] -= k[cell, i, len(element) + j]
             for e in range(s * m):
-                J[a, e] = bend * feedback[row, e]
+                J[a, e] = gradient * feedback[row, e]
             if in_python[j]:
                 for e in range(s * m):
                     J[a, e] += forces[2, i, j] * feedback[row + m, e]
@@ -798,8 +798,8 @@ def _may_leave_segment(
         if d1 > high or d1 < low:
             return True
         if not (v0 * v1 > 0.0 and min(abs(v0), abs(v1)) > 0.5 * rate):
-            reach = h * (nodes[i] - x0) * (0.5 * abs(v1 - v0) + 0.1 * rate)
-            if max(d0, d1) + reach > high or min(d0, d1) - reach < low:
+            excursion = h * (nodes[i] - x0) * (0.5 * abs(v1 - v0) + 0.1 * rate)
+            if max(d0, d1) + excursion > high or min(d0, d1) - excursion < low:
                 return True
         x0, d0, v0 = nodes[i], d1, v1
     return False

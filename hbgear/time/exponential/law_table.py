@@ -3,7 +3,7 @@
     p(d, tau) = sum_i k_i(tau) (slope_i d + offset_i) + k1 d + k3 d^3      on the segment of d
 
 Every sum of piecewise-linear springs with periodic stiffness and of cubic springs has this form. A contact between
-teeth is such a spring of d - level(tau), whose segments are those of this distance. Other laws are evaluated in Python.
+teeth is such a spring of d - level(tau), with segments of this distance. Other laws are evaluated in Python.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class LawTable:
     element : ndarray, shape (S,)
         Element of each spring.
     contact : ndarray, shape (S,)
-        Number of the contact that a spring is, -1 for the others.
+        Number of the contact of a spring; -1 for a spring that is no contact.
     slope, offset : ndarray, shape (S, P)
         Line of a spring on each segment of its element or contact.
     stiffness : ndarray, shape (S, L + 1)

@@ -34,9 +34,9 @@ def steady_part(
         if isinstance(element.displacement, Series):
             c = to_complex(element.displacement.row())
             e[: len(c), j] = c
-    pull = (structure.kr + structure.c * rate) * e
-    positive = (F @ modes.left.T + pull @ modes.input.T) / (rate - modes.poles)
-    negative = (F.conj() @ modes.left.T + pull.conj() @ modes.input.T) / (-rate - modes.poles)
+    spring_forces = (structure.kr + structure.c * rate) * e
+    positive = (F @ modes.left.T + spring_forces @ modes.input.T) / (rate - modes.poles)
+    negative = (F.conj() @ modes.left.T + spring_forces.conj() @ modes.input.T) / (-rate - modes.poles)
     d = positive @ modes.output.T - e
     z: Array = 0.5 * (positive + negative)[:, indices].sum(axis=0)
     return z, np.concatenate([d, rate * d], axis=1)

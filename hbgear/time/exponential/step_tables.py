@@ -130,9 +130,9 @@ class Steps:
 
     def _terms(self) -> int:
         """Return the number of terms with an error at rounding level; 0 if there are too many to save time."""
-        reach, size, D = 0.25 * float(np.abs(self.plan.poles).max(initial=0.0) * self.plan.h[0]), 1.0, 1
+        argument, size, D = 0.25 * float(np.abs(self.plan.poles).max(initial=0.0) * self.plan.h[0]), 1.0, 1
         while size > 1e-17 and D <= _MAX_SERIES_TERMS:
-            size *= reach / D
+            size *= argument / D
             D += 1
         return D if D <= _MAX_SERIES_TERMS else 0
 

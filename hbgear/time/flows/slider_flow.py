@@ -5,9 +5,9 @@
     open:   f = 0,          z' = d'                 while the contact of the normal force is open
 
 The limit is that of `FrictionLimit`, in each of its zones linear in the displacement d_n of an element. The positions z
-of the sliders follow the states of the structure. Their disturbances are states of the variational equation. Where a
-slider begins to slip they jump, to those of its bound d -+ limit / k, because z' jumps there, and where it begins to
-stick as d_n leaves a zone, because a disturbance moves this instant.
+of the sliders follow the states of the structure. Their disturbances are states of the variational equation. They jump
+where a slider begins to slip, because z' jumps there: they become the disturbances of the bound d -+ limit / k. They
+also jump where a slider begins to stick as d_n leaves a zone, because a disturbance moves this instant.
 """
 
 from __future__ import annotations
@@ -90,9 +90,9 @@ class SliderFlow:
 
     def positions(self, tau: float, d: Array, z: Array | None = None) -> Array:
         """Return positions (Q,) within the friction limits at displacements d (m,), by default the residual ones."""
-        reach = self.limit(self.zones(d, 0 * d), tau, 0.0, d, 0 * d)[0] / self.k
+        max_elastic = self.limit(self.zones(d, 0 * d), tau, 0.0, d, 0 * d)[0] / self.k
         d = d[self.element]
-        positions: Array = np.clip(self.residual if z is None else z, d - reach, d + reach)
+        positions: Array = np.clip(self.residual if z is None else z, d - max_elastic, d + max_elastic)
         return positions
 
     def at(self, tau: float, Omega: float, d: Array, v: Array, z: Array) -> Integers:
@@ -102,10 +102,10 @@ class SliderFlow:
         """
         zone = self.zones(d, v)
         limit, rate, _ = self.limit(zone, tau, Omega, d, v)
-        stretch, reach, v = d[self.element] - z, limit / self.k, v[self.element]
-        size = _ON_LIMIT * np.maximum(reach, np.abs(d[self.element]))
-        outwards = np.where(reach > size, np.sign(stretch), np.sign(v))  # a contact that closes has no stretch
-        slips = (np.abs(stretch) >= reach - size) & (outwards * v > rate / self.k)
+        elastic, max_elastic, v = d[self.element] - z, limit / self.k, v[self.element]
+        size = _ON_LIMIT * np.maximum(max_elastic, np.abs(d[self.element]))
+        outwards = np.where(max_elastic > size, np.sign(elastic), np.sign(v))  # a contact that closes has no stretch
+        slips = (np.abs(elastic) >= max_elastic - size) & (outwards * v > rate / self.k)
         slip = np.where(self.is_open(zone), 1.0, np.where(slips, outwards, 0.0))
         return np.array([slip, zone]).astype(int)
 
@@ -133,9 +133,9 @@ class SliderFlow:
             d, v = flow.gaps_over(instants, Y)
             z = flow.columns_of(Y)[flow.order :, 0]
             limit, rate, _ = self.limit(zone, flow.Omega * instants, flow.Omega, d, v)
-            stretch = (d[self.element] - z) * self.k[:, None] / np.where(limit > 0, limit, 1e-300)
+            ratio = (d[self.element] - z) * self.k[:, None] / np.where(limit > 0, limit, 1e-300)
             sliding = slip[:, None] * v[self.element] - rate / self.k[:, None]
-            return np.where(sticks, stretch, np.where(opened, 1.0, sliding)), d[self.normal]
+            return np.where(sticks, ratio, np.where(opened, 1.0, sliding)), d[self.normal]
 
         def first(index: int, low: Array, high: Array) -> Array:
             def value(rows: Integers, instants: Array) -> Array:

@@ -186,7 +186,7 @@ class StructureStates:
         )
 
     def variations(self, u: Array, rate: Array, kd: Array, kv: Array) -> Array:
-        """Return disturbances of the rates (m, columns) from those of d and of the rates without forces."""
+        """Return disturbances of the rates (m, columns) from disturbances of d and of the rates without forces."""
         rows = self.following
         if len(rows):
             rate = rate.copy()

@@ -314,7 +314,7 @@ def _check(curves: tuple[Branch, ...], number: int, i: int, reason: str, toleran
 
 
 def _has_own_multipliers(problem: Any, X: Array, base: _Comparison, parameters: dict[str, float]) -> bool:
-    """Return whether multipliers are those of X, or of a more accurate motion: then they are closer to shooting."""
+    """Return whether multipliers belong to X, or to a more accurate motion: then they are closer to shooting."""
     recomputed = problem.multipliers(X, **parameters)
     allowed = _MULTIPLIER_CONSISTENCY * max(1.0, float(np.abs(base.mu).max()))
     if base.orbit is None:
