@@ -60,7 +60,7 @@ def test_projection_is_exact(law, e, nu):
     c[0] /= 2
     found = to_complex(compiled.forces(X, 0.7))[0]
     np.testing.assert_allclose(found, c[: H + 1], rtol=0, atol=1e-12)
-    left_out = c[H + 1 :] - 1j * k[H + 1 :] * 0.7 / nu * 0.05 * compiled.packed.piecewise.beyond[:, 0]
+    left_out = c[H + 1 :] - 1j * k[H + 1 :] * 0.7 / nu * 0.05 * compiled.packed.piecewise.truncated[:, 0]
     moved = compiled.structure.receptances(0.7, k[H + 1 :] / nu)[0][:, 0, 0] * left_out
     truncation = np.sqrt(0.5 * np.sum(np.abs(moved) ** 2))
     assert problem.truncation(X, Omega=0.7) == pytest.approx(truncation, rel=1e-8)

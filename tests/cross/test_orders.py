@@ -31,7 +31,7 @@ def compared(sparse, model, X, Omega, **settings):
     whole = hb.HarmonicBalance(model, sparse.H, nu=sparse.nu, **settings)
     some = (np.arange(sparse.m)[:, None] * (2 * sparse.H + 1) + places(sparse.orders)).ravel()
     a = sparse.linearise(X, "Omega", Omega=Omega)
-    rows, kept = sparse.rows(X), to_real(whole.compiled({}).piecewise.kept.T)
+    rows, kept = sparse.rows(X), to_real(whole.compiled({}).piecewise.retained.T)
     away = np.setdiff1d(np.arange(rows.shape[1]), places(sparse.orders))
     rows[:, away] = -kept[:, away]  # at omitted orders the structure does not move
     b = whole.linearise(rows.ravel(), "Omega", Omega=Omega)

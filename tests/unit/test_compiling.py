@@ -300,7 +300,7 @@ def test_kernels_know_two_types_of_models(model, sizes):
     if sizes is None:
         assert packed[3:] == (None, None, None)
     else:
-        assert (len(packed.piecewise.phases), len(packed.own.element), len(packed.sliders.element)) == sizes
+        assert (len(packed.piecewise.phases), len(packed.user_laws.element), len(packed.sliders.element)) == sizes
 
 
 def test_products_and_sums_are_not_fused(tmp_path):

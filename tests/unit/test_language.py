@@ -19,7 +19,7 @@ FOLDERS = ["docs/scripts", "docs/_site", "examples", "studies", "tests", *sorted
 
 
 def prose_of(path: Path) -> str:
-    """Return the strings and comments of a module or the text of a page; of the changelog only versions without a date."""
+    """Return the strings and comments of a module or the text of a page; of the changelog what has no date."""
     text = path.read_text(encoding="utf-8")
     if path.suffix == ".py":
         tokens = tokenize.generate_tokens(io.StringIO(text).readline)

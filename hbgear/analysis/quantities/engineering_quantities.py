@@ -298,7 +298,7 @@ def forces_along(branch: Branch, elements: Sequence[str] | None = None) -> tuple
 def element_force(problem: HarmonicBalance, X: Array, parameters: dict[str, float], index: int) -> Array:
     """Return samples of the force of the law of an element over a period."""
     compiled = problem.compiled({name: value for name, value in parameters.items() if name != "Omega"})
-    spring, prescribed = compiled.system.elements[index], compiled.piecewise.kept[:, index]
+    spring, prescribed = compiled.system.elements[index], compiled.piecewise.retained[:, index]
     return force_samples(spring, prescribed, problem.rows(X)[index], parameters["Omega"] / problem.nu, problem.nu)
 
 
@@ -382,7 +382,7 @@ def _friction(
     None without friction between teeth.
     """
     compiled = problem.compiled({name: value for name, value in parameters.items() if name != "Omega"})
-    spring, prescribed = compiled.system.elements[index], compiled.piecewise.kept[:, index]
+    spring, prescribed = compiled.system.elements[index], compiled.piecewise.retained[:, index]
     if not isinstance(spring.law, MeshContacts) or spring.law.sliding is None:
         return None
     nu, count, sliding = problem.nu, _FRICTION_PHASES * problem.nu, spring.law.sliding

@@ -100,7 +100,7 @@ def assemble(
         some, matrices, constants, R, J, dR
     )
     add_memory(packed.sliders, space.slides, packed.linear.orders, J)
-    size += _add_compiled_laws(packed.own, packed, coefficients, omega, R, J, dR)
+    size += _add_compiled_laws(packed.user_laws, packed, coefficients, omega, R, J, dR)
     return size if size > 0.0 else 1.0
 
 

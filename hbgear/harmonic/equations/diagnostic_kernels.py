@@ -61,7 +61,7 @@ def truncated_force_harmonics(packed: Any, X: Any, Omega: Any, f: Any) -> None:
     for p in range(X.shape[0]):
         coefficients = X[p].reshape(m, -1)
         _project_truncated(packed, coefficients, space, f[p])
-        truncated_sample_harmonics(packed.own, packed, coefficients, Omega[p] / packed.linear.nu, f[p])
+        truncated_sample_harmonics(packed.user_laws, packed, coefficients, Omega[p] / packed.linear.nu, f[p])
         _add_damped(packed.piecewise, packed.linear, Omega[p], f[p])
 
 
@@ -71,15 +71,15 @@ def _add_damped(piecewise: Any, linear: Any, Omega: float, f: Any) -> None:
     if piecewise is None:
         return
     for j in range(f.shape[0]):
-        for i in range(linear.left.shape[0]):
-            rate = linear.springs[1, j] * Omega * linear.left[i] / linear.nu
-            f[j, i] -= 1j * rate * piecewise.beyond[i, j]
+        for i in range(linear.truncated_orders.shape[0]):
+            rate = linear.springs[1, j] * Omega * linear.truncated_orders[i] / linear.nu
+            f[j, i] -= 1j * rate * piecewise.truncated[i, j]
 
 
 @inlined
 def _project_truncated(packed: Any, coefficients: Any, space: Any, f: Any) -> None:
     """Fill f (m, L) with the exact force harmonics of the truncated orders."""
-    left, c = packed.linear.left, space.waves
+    left, c = packed.linear.truncated_orders, space.waves
     project(packed, coefficients, space)
     for j in range(coefficients.shape[0]):
         fill_one_sided(coefficients[j], c)
@@ -95,10 +95,10 @@ def driven_response(linear: Any, Omega: Any, f: Any, out: Any) -> None:
     for p in range(P):
         coefficients = out[p].reshape(m, -1)
         for k in range(L):
-            w[k] = Omega[p] * linear.left[k] / linear.nu
+            w[k] = Omega[p] * linear.truncated_orders[k] / linear.nu
         receptance(linear, m * m, w, each, sums)
         for k in range(L):
-            at = 2 * linear.left[k]
+            at = 2 * linear.truncated_orders[k]
             for i in range(m):
                 d = 0j
                 for j in range(m):

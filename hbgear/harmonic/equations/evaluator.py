@@ -18,7 +18,7 @@ from hbgear.harmonic.forces.aft import SampledLaws, SampledVectorLaws
 from hbgear.harmonic.forces.breakpoints import gap, piecewise_excitation
 from hbgear.harmonic.forces.damped_contacts import DampedContacts
 from hbgear.harmonic.forces.packed_laws import pack_laws
-from hbgear.harmonic.forces.packed_model import PackedModel, own_of, sliders_of
+from hbgear.harmonic.forces.packed_model import PackedModel, sliders_of, user_laws_of
 from hbgear.harmonic.instants.equations import Equations
 from hbgear.harmonic.structure.linear_structure import LinearStructure
 from hbgear.harmonic.structure.modes import ModalBlocks, flexibilities, modal_blocks
@@ -113,16 +113,16 @@ class Evaluator:
         self.H, self.nu, self.N, self.reduce, self.is_sampled = H, nu, transform.N, reduce, sampled
         self._transform = transform
         packing = pack_laws(self.laws, sampled, nu)
-        self.damped = tuple((int(j), self.laws[j]) for j in packing.left if self.laws[j].damped)
+        self.damped = tuple((int(j), self.laws[j]) for j in packing.unpacked if self.laws[j].damped)
         self.vectors = vector_groups(self.laws)
-        alone = [j for j in packing.left if not (self.laws[j].damped or isinstance(self.laws[j], Component))]
+        alone = [j for j in packing.unpacked if not (self.laws[j].damped or isinstance(self.laws[j], Component))]
         laws, left = packing.table, np.array(alone, dtype=int)
-        own, sliders = own_of(self.laws), sliders_of(system.elements, nu, H)
+        own, sliders = user_laws_of(self.laws), sliders_of(system.elements, nu, H)
         coupled = [j for elements, _ in self.vectors for j in elements]
         self.aft_laws = tuple((int(j), self.laws[j]) for j in (*left, *own.element, *coupled))
         linear = self.receptance.packed
         self.piecewise = piecewise = piecewise_excitation(
-            system.elements, packing, H, nu, self.N if self.aft_laws else 0, linear.orders, linear.left
+            system.elements, packing, H, nu, self.N if self.aft_laws else 0, linear.orders, linear.truncated_orders
         )
         self.sliders, self.user_laws = len(sliders.element), len(own.element)
         is_plain = not (len(piecewise.phases) or packing.levels or self.sliders or self.user_laws)
@@ -152,7 +152,7 @@ class Evaluator:
     @property
     def kept(self) -> ComplexArray:
         """Harmonics (H + 1, m) of the prescribed displacements with breakpoints that are unknowns, zero of others."""
-        return self.piecewise.kept[:, : self.m]
+        return self.piecewise.retained[:, : self.m]
 
     @property
     def is_fully_compiled(self) -> bool:
@@ -330,7 +330,7 @@ class Evaluator:
 
     def gap(self, j: int, row: Array, theta: Array, order: int = 0) -> Array:
         """Return the displacement of element j with coefficients ``row``, or a derivative, at basis phases theta."""
-        displacement, kept = self.system.elements[j].displacement, self.piecewise.kept[:, j]
+        displacement, kept = self.system.elements[j].displacement, self.piecewise.retained[:, j]
         return gap(displacement, kept, self.nu, row, theta, order)
 
     def highest(self, j: int, row: Array, side: float) -> tuple[float, float]:

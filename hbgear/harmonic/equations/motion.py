@@ -170,7 +170,7 @@ def with_driven_harmonics(evaluator: Evaluator, X: Array, Omega: Array) -> Array
 
     evaluator.length(X)
     X, Omega = evaluator.spread(X), writable(Omega)
-    left = evaluator.packed.linear.left
+    left = evaluator.packed.linear.truncated_orders
     f = np.zeros((len(X), evaluator.m, len(left)), dtype=complex)
     truncated_force_harmonics(evaluator.packed, X, Omega, f)
     for forces in evaluator.python_forces:
@@ -195,7 +195,7 @@ def with_excited_harmonics(evaluator: Evaluator, X: Array, Omega: Array) -> Arra
     if excitation is None:
         return X
     X, Omega = evaluator.spread(X), writable(Omega)
-    f = np.zeros((len(X), evaluator.m, len(evaluator.packed.linear.left)), dtype=complex)
+    f = np.zeros((len(X), evaluator.m, len(evaluator.packed.linear.truncated_orders)), dtype=complex)
     direct = excitation.response(evaluator.structure, Omega, f)
     return _with_harmonics(evaluator, X, _response_to_forces(evaluator, Omega, f, None, direct))
 
@@ -210,13 +210,13 @@ def _with_zeros(evaluator: Evaluator, X: Array) -> Array:
 def _with_harmonics(evaluator: Evaluator, X: Array, truncated: Array) -> Array:
     """Return motions with given truncated harmonics (P, m, 2L)."""
     out = _with_zeros(evaluator, X)
-    out.reshape(len(X), evaluator.m, -1)[..., places(evaluator.packed.linear.left)] = truncated
+    out.reshape(len(X), evaluator.m, -1)[..., places(evaluator.packed.linear.truncated_orders)] = truncated
     return out
 
 
 def truncation_errors(evaluator: Evaluator, extended: Array) -> Array:
     """Return the rms (P,) of the truncated harmonics of motions, as of `with_driven_harmonics`."""
-    beyond = extended.reshape(len(extended), evaluator.m, -1)[..., places(evaluator.packed.linear.left)]
+    beyond = extended.reshape(len(extended), evaluator.m, -1)[..., places(evaluator.packed.linear.truncated_orders)]
     rms: Array = np.sqrt(0.5 * np.sum(beyond**2, axis=(1, 2)))
     return rms
 
@@ -269,7 +269,7 @@ def _response_to_forces(
     beyond (P, m) : stiffness of the elements minus their reference springs, zero by default. direct (P, m, L) :
     displacements of the elements without forces, zero by default.
     """
-    ratio = evaluator.packed.linear.left / evaluator.nu
+    ratio = evaluator.packed.linear.truncated_orders / evaluator.nu
     G = np.zeros((len(Omega), len(ratio), evaluator.m, evaluator.m), dtype=complex)
     modes = evaluator.structure.modes if evaluator.structure.accurate_modes else None
     for i, w in enumerate(Omega.tolist()):

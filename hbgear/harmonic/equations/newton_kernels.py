@@ -219,7 +219,7 @@ def _determinant(packed: Any, X: Any, J: Any, borders: Any, row: Any, workspace:
     v, w, g = solutions[0, :n], solutions[1], float(solutions[0, n])
     along, across = np.empty((n, n)), np.empty((n, n))
     space = workspace.space
-    interval = shortest_interval(space.theta, space.number) if packed.laws.of.shape[0] else 2 * math.pi
+    interval = shortest_interval(space.theta, space.number) if packed.laws.spring_element.shape[0] else 2 * math.pi
     relative = min(STEP, max(LEAST_STEP, STEP_OVER_SQUARE * interval * interval))
     curvature(packed, X, v, relative * max(1e-3, scaled_norm(X)) / scaled_norm(v), workspace, along, across)
     moved = 0.0

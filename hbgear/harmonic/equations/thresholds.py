@@ -225,7 +225,7 @@ def _above(evaluator: Evaluator, j: int, row: Array, contact: ToothContact, thet
 
 def _slope_samples(evaluator: Evaluator, j: int, row: Array) -> Array:
     """Return the derivative of displacement j in theta at N equal steps of the period, (N,)."""
-    displacement, kept = evaluator.system.elements[j].displacement, evaluator.piecewise.kept[:, j]
+    displacement, kept = evaluator.system.elements[j].displacement, evaluator.piecewise.retained[:, j]
     return gap_samples(displacement, kept, evaluator.nu, row, evaluator.N, 1)
 
 

@@ -105,9 +105,9 @@ class SampledLaws:
         if self.rated:
             samples[1] += Omega / self.nu * self._grid[1]
         rest = np.zeros(self._transform.N)
-        found = [law(d, samples[1, i] if self.rated else rest) for i, (law, d) in enumerate(
+        results = [law(d, samples[1, i] if self.rated else rest) for i, (law, d) in enumerate(
             zip(self._bind, samples[0], strict=True))]  # fmt: skip
-        p, stiffness, damping = (np.array(parts) for parts in zip(*found, strict=True))
+        p, stiffness, damping = (np.array(arrays) for arrays in zip(*results, strict=True))
         spectra = self._transform.spectrum(np.concatenate([p, stiffness, damping] if self.rated else [p, stiffness]))
         spectra = spectra.reshape(-1, len(self.laws), spectra.shape[-1])
         for i in self.indices:
@@ -116,12 +116,12 @@ class SampledLaws:
                 spectra[:, i] = between.spectra(self.laws[i], c[i], rate[i], spectra.shape[-1] - 1)[: len(spectra)]
         damped = self.rated and bool(spectra[2].any())  # contacts may be shorter than a sample step
         force, *slopes = spectra[: 3 if damped else 2]
-        T = [product_matrices(one) for one in slopes]
+        T = [product_matrices(spectrum) for spectrum in slopes]
         H = coefficients.shape[1] // 2
-        imposed: Array | float = 0.0
+        prescribed: Array | float = 0.0
         if damped and self._grid.any():
-            imposed = to_real(one_sided(self._transform.spectrum(damping * self._grid[1])[:, : H + 1]))
-        return to_real(one_sided(force[:, : H + 1])), T[0], T[1] if damped else None, imposed
+            prescribed = to_real(one_sided(self._transform.spectrum(damping * self._grid[1])[:, : H + 1]))
+        return to_real(one_sided(force[:, : H + 1])), T[0], T[1] if damped else None, prescribed
 
     def between_breakpoints(self, i: int, c: ComplexArray, rate: ComplexArray) -> Panels | None:
         """Return panels between the crossings of breakpoints and the phases of a law; None without crossings.
@@ -140,26 +140,26 @@ class SampledLaws:
         Panels or None
             The panels.
         """
-        law, turn = self.laws[i], 2 * np.pi
+        law, period = self.laws[i], 2 * np.pi
         crossings = np.concatenate([roots_of(c, level) for level in law.breakpoints])
         if not crossings.size:
             return None
-        phases = [(phase % turn + turn * k) / self.nu for phase in law.phases for k in range(self.nu)]
-        cuts = np.unique(np.concatenate([phases, crossings % turn]))
-        ends = list(pairwise([*cuts.tolist(), cuts[0] + turn]))
-        probe = Panels([np.array(one) for one in ends], self.nu, EDGE_GAUSS_POINTS)
-        acts = np.any(probe.forces(law, c, rate), axis=0).reshape(len(ends), -1).any(axis=1)
-        number = max(self._transform.N, BREAKPOINT_POINTS, BREAKPOINT_DENSITY * (len(c) - 1))
-        kept = [one for one, some in zip(ends, acts, strict=True) if some]
-        panels = [_divided(*one, number, EDGE_GAUSS_POINTS) for one in kept]
+        phases = [(phase % period + period * k) / self.nu for phase in law.phases for k in range(self.nu)]
+        boundaries = np.unique(np.concatenate([phases, crossings % period]))
+        intervals = list(pairwise([*boundaries.tolist(), boundaries[0] + period]))
+        probe = Panels([np.array(interval) for interval in intervals], self.nu, EDGE_GAUSS_POINTS)
+        acts = np.any(probe.forces(law, c, rate), axis=0).reshape(len(intervals), -1).any(axis=1)
+        point_count = max(self._transform.N, BREAKPOINT_POINTS, BREAKPOINT_DENSITY * (len(c) - 1))
+        acting = [interval for interval, is_acting in zip(intervals, acts, strict=True) if is_acting]
+        panels = [_divided(*interval, point_count, EDGE_GAUSS_POINTS) for interval in acting]
         return Panels(panels, self.nu, EDGE_GAUSS_POINTS, clustered=True)
 
     def add_to(self, coefficients: Array, Omega: float, R: Array, J: Array, dR: Array) -> float:
         """Add forces and slopes to R, J and dR of all elements; return the norm of the forces."""
         m, n = coefficients.shape
-        f, stiffness, damping, imposed = self.forces(coefficients, Omega)
+        f, stiffness, damping, prescribed = self.forces(coefficients, Omega)
         R.reshape(m, n)[self.elements] += f
-        dR.reshape(m, n)[self.elements] += imposed / self.nu
+        dR.reshape(m, n)[self.elements] += prescribed / self.nu
         blocks = J.reshape(m, n, m, n)
         for i, j in enumerate(self.elements):
             blocks[j, :, j] += stiffness[i]
@@ -168,11 +168,11 @@ class SampledLaws:
                 dR.reshape(m, n)[j] += damping[i] @ derivative(coefficients[j]) / self.nu
         return float(np.linalg.norm(f))
 
-    def add_truncated(self, X: Array, Omega: Array, left: np.ndarray, f: ComplexArray) -> None:
-        """Fill f (P, m, L) with the truncated force harmonics ``left`` (L,) of motions X (P, n), up to N / 2."""
+    def add_truncated(self, X: Array, Omega: Array, orders: np.ndarray, f: ComplexArray) -> None:
+        """Fill f (P, m, L) with the truncated force harmonics ``orders`` (L,) of motions X (P, n), up to N / 2."""
         P, m, _ = f.shape
         N = self._transform.N
-        reached = left[left < N // 2]
+        reached = orders[orders < N // 2]
         c = to_complex(X.reshape(P, m, -1))[:, self.elements]
         velocity = samples_of((Omega / self.nu)[:, None, None] * derive(c), N)
         velocity += (Omega / self.nu)[:, None, None] * self._grid[1]
@@ -182,9 +182,9 @@ class SampledLaws:
             f[:, j, : len(reached)] = 2 * np.fft.rfft(p)[:, reached] / N
             for n, motion in enumerate(c[:, i] if i in self.indices else ()):
                 rate = Omega[n] / self.nu * derive(motion)
-                between = self.between_breakpoints(i, motion, rate)
-                if between is not None:
-                    f[n, j] = 2 * between.spectra(self.laws[i], motion, rate, int(left.max()))[0, left]
+                panels = self.between_breakpoints(i, motion, rate)
+                if panels is not None:
+                    f[n, j] = 2 * panels.spectra(self.laws[i], motion, rate, int(orders.max()))[0, orders]
 
 
 class SampledVectorLaws:
@@ -209,15 +209,15 @@ class SampledVectorLaws:
         """Add forces and slopes to R, J and dR of all elements; return the norm of the forces."""
         m, n = coefficients.shape
         blocks, size = J.reshape(m, n, m, n), 0.0
-        for (elements, law), between in zip(self.groups, self._between, strict=True):
-            if between is not None and not law.rated:
-                size += between.add_to(law, elements, coefficients, R.reshape(m, n), blocks)
+        for (elements, law), panels in zip(self.groups, self._between, strict=True):
+            if panels is not None and not law.rated:
+                size += panels.add_to(law, elements, coefficients, R.reshape(m, n), blocks)
                 continue
             c, p = to_complex(coefficients[elements]), len(elements)
             d = self._transform.samples(c)
-            if _has_continuous_slopes(law) and len(cuts := edge_crossings(law, coefficients[elements], d)):
-                between = _between_edges(law, coefficients[elements], cuts, self.nu)
-                size += between.add_to(law, elements, coefficients, R.reshape(m, n), blocks)
+            if _has_continuous_slopes(law) and len(boundaries := edge_crossings(law, coefficients[elements], d)):
+                panels = _between_edges(law, coefficients[elements], boundaries, self.nu)
+                size += panels.add_to(law, elements, coefficients, R.reshape(m, n), blocks)
                 continue
             v = Omega / self.nu * self._transform.samples(derive(c)) if law.rated else np.zeros_like(d)
             force, kd, kv = law.force(d, v, self._tau)
@@ -235,10 +235,10 @@ class SampledVectorLaws:
                 dR.reshape(m, n)[elements] += np.einsum("ijab,jb->ia", T, rates) / self.nu
         return size
 
-    def add_truncated(self, X: Array, Omega: Array, left: np.ndarray, f: ComplexArray) -> None:
-        """Add the truncated force harmonics ``left`` (L,) of motions X (P, n), up to N / 2, to f (P, m, L)."""
+    def add_truncated(self, X: Array, Omega: Array, orders: np.ndarray, f: ComplexArray) -> None:
+        """Add the truncated force harmonics ``orders`` (L,) of motions X (P, n), up to N / 2, to f (P, m, L)."""
         N, m = self._transform.N, f.shape[1]
-        reached = left[left < N // 2]
+        reached = orders[orders < N // 2]
         c = to_complex(X.reshape(len(X), m, -1))
         for elements, law in self.groups:
             d = samples_of(c[:, elements], N).swapaxes(0, 1).reshape(len(elements), -1)
@@ -294,27 +294,27 @@ def edge_crossings(law: VectorLaw, rows: Array, samples: Array) -> Array:
     ndarray
         The angles.
     """
-    step, found = 2 * np.pi / samples.shape[1], []
-    for number, e in enumerate(law.edges(samples)):
-        edge = partial(_edge_at, law, rows, number)
+    step, roots = 2 * np.pi / samples.shape[1], []
+    for index, e in enumerate(law.edges(samples)):
+        edge = partial(_edge_at, law, rows, index)
         before, after = np.roll(e, 1), np.roll(e, -1)
         low = np.flatnonzero((e < 0) != (after < 0)) * step
         high = low + step
-        bend = before - 2 * e + after
-        turns = ((e < 0) == (before < 0)) & ((e < 0) == (after < 0)) & (np.abs(e) <= np.abs(bend)) & (bend * e > 0)
-        turns &= (np.abs(e) <= np.abs(before)) & (np.abs(e) <= np.abs(after))
-        for i in np.flatnonzero(turns).tolist():
+        d2 = before - 2 * e + after
+        extremal = ((e < 0) == (before < 0)) & ((e < 0) == (after < 0)) & (np.abs(e) <= np.abs(d2)) & (d2 * e > 0)
+        extremal &= (np.abs(e) <= np.abs(before)) & (np.abs(e) <= np.abs(after))
+        for i in np.flatnonzero(extremal).tolist():
             inside = _turning_point(edge, (i - 1) * step, (i + 1) * step, float(np.sign(e[i])))
             if inside is not None:
                 low, high = np.append(low, [(i - 1) * step, inside]), np.append(high, [inside, (i + 1) * step])
-        found.append(_roots(edge, low, high))
-    return np.sort(np.concatenate([np.zeros(0), *found]) % (2 * np.pi))
+        roots.append(_roots(edge, low, high))
+    return np.sort(np.concatenate([np.zeros(0), *roots]) % (2 * np.pi))
 
 
-def _edge_at(law: VectorLaw, rows: Array, number: int, theta: Array) -> Array:
+def _edge_at(law: VectorLaw, rows: Array, index: int, theta: Array) -> Array:
     """Return an edge of a law at angles of any shape."""
-    found: Array = law.edges(evaluate(rows, theta))[number].reshape(theta.shape)
-    return found
+    values: Array = law.edges(evaluate(rows, theta))[index].reshape(theta.shape)
+    return values
 
 
 def _turning_point(edge: Callable[[Array], Array], low: float, high: float, sign: float) -> float | None:
@@ -331,42 +331,42 @@ def _turning_point(edge: Callable[[Array], Array], low: float, high: float, sign
 
 def _roots(edge: Callable[[Array], Array], low: Array, high: Array) -> Array:
     """Return the roots of an edge in the intervals (low, high) by subdivision and linear interpolation."""
-    every, share = np.arange(len(low)), np.linspace(0.0, 1.0, ZOOM_POINTS)
+    index, fractions = np.arange(len(low)), np.linspace(0.0, 1.0, ZOOM_POINTS)
     if not len(low):
         return low
     for _ in range(ZOOMS):
-        theta = low[:, None] + (high - low)[:, None] * share
+        theta = low[:, None] + (high - low)[:, None] * fractions
         values = edge(theta)
         first = np.argmax((values[:, 1:] < 0) != (values[:, :1] < 0), axis=1)
-        low, high = theta[every, first], theta[every, first + 1]
-    a, b = values[every, first], values[every, first + 1]
-    found: Array = low + (high - low) * np.divide(a, a - b, out=np.zeros_like(a), where=a != b)
-    return found
+        low, high = theta[index, first], theta[index, first + 1]
+    a, b = values[index, first], values[index, first + 1]
+    roots: Array = low + (high - low) * np.divide(a, a - b, out=np.zeros_like(a), where=a != b)
+    return roots
 
 
 def _between_phases(phases: Sequence[float], nu: int, N: int) -> Panels:
     """Return panels between known phases, with N points per basis period or more."""
-    turn = 2 * np.pi
-    cuts = np.unique([0.0, turn, *((phase % turn + turn * i) / nu for phase in phases for i in range(nu))])
-    cuts = cuts[np.diff(cuts, prepend=-1.0) > 1e-12]
-    return Panels([_divided(a, b, N, GAUSS_POINTS) for a, b in pairwise(cuts.tolist())], nu, GAUSS_POINTS)
+    period = 2 * np.pi
+    boundaries = np.unique([0.0, period, *((phase % period + period * i) / nu for phase in phases for i in range(nu))])
+    boundaries = boundaries[np.diff(boundaries, prepend=-1.0) > 1e-12]
+    return Panels([_divided(a, b, N, GAUSS_POINTS) for a, b in pairwise(boundaries.tolist())], nu, GAUSS_POINTS)
 
 
-def _between_edges(law: VectorLaw, rows: Array, cuts: Array, nu: int) -> Panels:
+def _between_edges(law: VectorLaw, rows: Array, boundaries: Array, nu: int) -> Panels:
     """Return panels between crossings of edges, without the intervals in which there is no force."""
-    low, high = cuts, np.append(cuts[1:], cuts[0] + 2 * np.pi)
+    low, high = boundaries, np.append(boundaries[1:], boundaries[0] + 2 * np.pi)
     theta = low[:, None] + (high - low)[:, None] * np.array([0.25, 0.5, 0.75])
     d = evaluate(rows, theta)
     force, kd, _ = law.force(d, np.zeros_like(d), nu * theta.ravel())
     acts = (force.any(axis=0) | kd.any(axis=(0, 1))).reshape(theta.shape).any(axis=1)
-    number = max(EDGE_POINTS, EDGE_DENSITY * (rows.shape[1] // 2))
+    point_count = max(EDGE_POINTS, EDGE_DENSITY * (rows.shape[1] // 2))
     intervals = list(zip(low[acts].tolist(), high[acts].tolist(), strict=True))
-    return Panels([_divided(a, b, number, EDGE_GAUSS_POINTS) for a, b in intervals], nu, EDGE_GAUSS_POINTS)
+    return Panels([_divided(a, b, point_count, EDGE_GAUSS_POINTS) for a, b in intervals], nu, EDGE_GAUSS_POINTS)
 
 
-def _divided(a: float, b: float, number: int, points: int) -> Array:
+def _divided(a: float, b: float, point_count: int, points: int) -> Array:
     """Return the ends of panels of an interval, for a number of Gauss points in a period."""
-    return np.linspace(a, b, 1 + max(1, math.ceil(number * (b - a) / (2 * np.pi * points))))
+    return np.linspace(a, b, 1 + max(1, math.ceil(point_count * (b - a) / (2 * np.pi * points))))
 
 
 @cache
@@ -396,12 +396,12 @@ class Panels:
         theta, weights = [np.zeros(0)], [np.zeros(0)]
         for ends in panels:
             half = 0.5 * np.diff(ends)[:, None]
-            at, weight = (ends[:-1, None] + half * (1 + x)).ravel(), (half * w / np.pi).ravel()
+            nodes, weight = (ends[:-1, None] + half * (1 + x)).ravel(), (half * w / np.pi).ravel()
             if clustered:
                 length = ends[-1] - ends[0]
-                s = (at - ends[0]) / length
-                at, weight = ends[0] + length * s * s * (3 - 2 * s), weight * 6 * s * (1 - s)
-            theta.append(at)
+                s = (nodes - ends[0]) / length
+                nodes, weight = ends[0] + length * s * s * (3 - 2 * s), weight * 6 * s * (1 - s)
+            theta.append(nodes)
             weights.append(weight)
         self.theta, self.weights = np.concatenate(theta), np.concatenate(weights)
         self.tau, self._waves = nu * self.theta, np.zeros((0, 0), dtype=complex)
@@ -427,16 +427,16 @@ class Panels:
         """Return p, dp/dd and dp/dv of a law (3, Q) at the points; see `spectra`."""
         w = self._waves[:, : len(c)] if self._waves.shape[1] >= len(c) else waves(self.theta, len(c) - 1)
         d, v = ((w @ z).real for z in (c, rate))
-        return np.array([np.broadcast_to(one, len(d)) for one in law.force(d, v, self.tau)])
+        return np.array([np.broadcast_to(values, len(d)) for values in law.force(d, v, self.tau)])
 
     def add_to(self, law: VectorLaw, elements: np.ndarray, coefficients: Array, R: Array, blocks: Array) -> float:
         """Add forces to R (m, n) and slopes to blocks (m, n, m, n); return the norm of the forces."""
         n = coefficients.shape[1]
         w = self.waves(n - 1)  # of the slopes, whose products with the motion have orders up to 2H
-        own, mean = w[:, : n // 2 + 1], 0.5 * self.weights
-        d = (to_complex(coefficients[elements]) @ own.T).real
+        motion_waves, mean = w[:, : n // 2 + 1], 0.5 * self.weights
+        d = (to_complex(coefficients[elements]) @ motion_waves.T).real
         force, kd, _ = law.force(d, np.zeros_like(d), self.tau)
-        f = to_real(one_sided(((mean * force) @ own).conj()))
+        f = to_real(one_sided(((mean * force) @ motion_waves).conj()))
         R[elements] += f
         pairs = np.argwhere(kd.any(axis=2))
         kappa = ((mean * kd[tuple(pairs.T)]) @ w).conj()
@@ -453,9 +453,9 @@ def _bind(law: Law, tau: Array) -> Callable[[Array, Array], Forces]:
     ValueError
         If the law does not return three arrays of the shape of the displacements.
     """
-    bound, rest = law.bind(tau), np.zeros(len(tau))
+    bound, zeros = law.bind(tau), np.zeros(len(tau))
     with np.errstate(all="ignore"):
-        check_returned(law, bound(rest, rest), tau.shape)
+        check_returned(law, bound(zeros, zeros), tau.shape)
     return bound
 
 
@@ -464,6 +464,6 @@ def product_matrices(kappa: ComplexArray) -> Array:
     from hbgear.harmonic.forces.toeplitz_kernel import add_product
 
     out: Array = np.zeros((len(kappa), kappa.shape[1], kappa.shape[1]))
-    for one, T in zip(np.ascontiguousarray(kappa), out, strict=True):
-        add_product(one, np.arange(len(T) // 2 + 1), T)
+    for coefficients, T in zip(np.ascontiguousarray(kappa), out, strict=True):
+        add_product(coefficients, np.arange(len(T) // 2 + 1), T)
     return out

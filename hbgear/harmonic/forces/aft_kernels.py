@@ -16,20 +16,20 @@ from hbgear.mechanics.series.fourier_kernels import sampled
 
 
 @kernel
-def samples_of(own: Any, packed: Any, coefficients: Any, which: int, omega: float) -> Any:
-    """Return samples (N, 3) of p, dp/dd, dp/dv of compiled law ``which`` for coefficients (m, 2H + 1) at omega."""
-    j, N = own.element[which], packed.basis.shape[1]
-    own_coefficients = coefficients[j]
-    speed, d, v, tau = np.zeros(own_coefficients.shape[0]), np.empty(N), np.empty(N), np.empty(N)
-    for k in range(1, own_coefficients.shape[0] // 2 + 1):
-        speed[2 * k - 1], speed[2 * k] = omega * k * own_coefficients[2 * k], -omega * k * own_coefficients[2 * k - 1]
-    sampled(own_coefficients, packed.basis, d)
+def samples_of(user_laws: Any, packed: Any, coefficients: Any, index: int, omega: float) -> Any:
+    """Return samples (N, 3) of p, dp/dd, dp/dv of compiled law ``index`` for coefficients (m, 2H + 1) at omega."""
+    j, N = user_laws.element[index], packed.basis.shape[1]
+    row = coefficients[j]
+    speed, d, v, tau = np.zeros(row.shape[0]), np.empty(N), np.empty(N), np.empty(N)
+    for k in range(1, row.shape[0] // 2 + 1):
+        speed[2 * k - 1], speed[2 * k] = omega * k * row[2 * k], -omega * k * row[2 * k - 1]
+    sampled(row, packed.basis, d)
     sampled(speed, packed.basis, v)
     _add_grid(packed.piecewise, j, omega, d, v)
     for n in range(N):
         tau[n] = 2 * math.pi * ((packed.linear.nu * n) % N) / N
     out = np.empty((N, 3))
-    called(own.address[which], d, v, tau, own.given[which], out)
+    called(user_laws.address[index], d, v, tau, user_laws.parameters[index], out)
     return out
 
 
@@ -56,14 +56,14 @@ def spectrum(x: Any, basis: Any, out: Any) -> None:
 
 
 @kernel
-def truncated_sample_harmonics(own: Any, packed: Any, coefficients: Any, omega: float, f: Any) -> None:
+def truncated_sample_harmonics(user_laws: Any, packed: Any, coefficients: Any, omega: float, f: Any) -> None:
     """Fill f (m, L) with the one-sided truncated force harmonics of the compiled laws, if any."""
-    if own is None:
+    if user_laws is None:
         return
-    H, N, left = packed.basis.shape[0] // 2, packed.basis.shape[1], packed.linear.left
+    H, N, truncated_orders = packed.basis.shape[0] // 2, packed.basis.shape[1], packed.linear.truncated_orders
     part = np.empty(2 * H + 1, dtype=np.complex128)
-    for q in range(own.element.shape[0]):
-        spectrum(samples_of(own, packed, coefficients, q, omega)[:, 0], packed.basis, part)
-        for i in range(left.shape[0]):
-            if left[i] < N // 2:
-                f[own.element[q], i] = 2.0 * part[left[i]]
+    for q in range(user_laws.element.shape[0]):
+        spectrum(samples_of(user_laws, packed, coefficients, q, omega)[:, 0], packed.basis, part)
+        for i in range(truncated_orders.shape[0]):
+            if truncated_orders[i] < N // 2:
+                f[user_laws.element[q], i] = 2.0 * part[truncated_orders[i]]

@@ -33,56 +33,62 @@ class PiecewiseExcitation(NamedTuple):
     ----------
     phases : ndarray, shape (I,)
         Phases [rad] of the breakpoints of the excitation, ascending.
-    moves : ndarray, shape (Q + 1,)
+    gap_offsets : ndarray, shape (Q + 1,)
         Index of the first segment of w of each displacement j, and the number of all segments. There are no segments
         if e_j has no breakpoints and the level does not move.
-    at, coefficients : ndarray, shapes (T,) and (T, 4)
+    gap_starts, coefficients : ndarray, shapes (T,) and (T, 4)
         Beginning [rad] and coefficients of each segment of w.
-    broken : ndarray, shape (T,)
+    has_jump : ndarray, shape (T,)
         Whether w of a moving level jumps at the beginning of a segment.
-    idle : ndarray, shape (T,)
+    inactive : ndarray, shape (T,)
         Whether all springs on a moving level have zero stiffness on a segment.
     bounds : ndarray, shape (Q, 2)
         Lower and upper bound of w of a moving level, infinite for other displacements.
-    kept : ndarray, shape (H + 1, Q)
+    retained : ndarray, shape (H + 1, Q)
         One-sided harmonics of e_j at the orders of the unknowns; zero without breakpoints.
-    beyond : ndarray, shape (L, m)
+    truncated : ndarray, shape (L, m)
         One-sided harmonics of e_j at the truncated orders up to 2H; zero without breakpoints.
-    parts : ndarray, shape (S + 1,)
-        Index of the first segment of the stiffness k of each spring, as in ``moves``. It has segments if k or w has
-        breakpoints. If the spring has a Fourier series as well, its stiffness is the product of both.
-    begin, weight : ndarray, shapes (U,) and (U, 4)
+    spring_offsets : ndarray, shape (S + 1,)
+        Index of the first segment of the stiffness k of each spring, as in ``gap_offsets``. It has segments if k or w
+        has breakpoints. If the spring has a Fourier series as well, its stiffness is the product of both.
+    spring_starts, stiffness : ndarray, shapes (U,) and (U, 4)
         Beginning [rad] and coefficients of each segment of k.
-    sums : ndarray, shape (U + S, 2, L)
+    integrals : ndarray, shape (U + S, 2, L)
         Integrals of k and k w times exp(-i n theta), from 0 to the beginning of each segment, and over the period.
-    pulled : ndarray, shape (U, 7)
+    gap_force : ndarray, shape (U, 7)
         Coefficients of each segment of k w.
-    powers : ndarray, shape (m, 3, L)
+    gap_powers : ndarray, shape (m, 3, L)
         Two-sided coefficients of w, w^2 and w^3; empty unless an element with breakpoints has a cubic spring.
     grid : ndarray, shape (2, m, N)
         Samples of e_j up to harmonic H minus e_j, and of its derivative in theta; empty unless a law is sampled.
     """
 
     phases: Array
-    moves: np.ndarray
-    at: Array
+    gap_offsets: np.ndarray
+    gap_starts: Array
     coefficients: Array
-    broken: np.ndarray
-    idle: np.ndarray
+    has_jump: np.ndarray
+    inactive: np.ndarray
     bounds: Array
-    kept: ComplexArray
-    beyond: ComplexArray
-    parts: np.ndarray
-    begin: Array
-    weight: Array
-    sums: ComplexArray
-    pulled: Array
-    powers: ComplexArray
+    retained: ComplexArray
+    truncated: ComplexArray
+    spring_offsets: np.ndarray
+    spring_starts: Array
+    stiffness: Array
+    integrals: ComplexArray
+    gap_force: Array
+    gap_powers: ComplexArray
     grid: Array
 
 
 def piecewise_excitation(
-    elements: Sequence[Element], packing: Packing, H: int, nu: int, N: int, orders: np.ndarray, left: np.ndarray
+    elements: Sequence[Element],
+    packing: Packing,
+    H: int,
+    nu: int,
+    N: int,
+    orders: np.ndarray,
+    truncated_orders: np.ndarray,
 ) -> PiecewiseExcitation:
     """Return the piecewise polynomials of the elements of a model and of the springs of their laws.
 
@@ -100,68 +106,70 @@ def piecewise_excitation(
         Number of samples of `PiecewiseExcitation.grid`; 0 if no law is sampled.
     orders : ndarray
         Basis harmonics up to H that are unknowns.
-    left : ndarray
+    truncated_orders : ndarray
         Truncated basis harmonics up to 2H.
 
     Returns
     -------
-    Corners
+    PiecewiseExcitation
         Piecewise polynomials; empty for a model without breakpoints.
     """
     springs, levels, cubic = packing.springs, packing.levels, packing.table.cubic
     m, S = len(elements), len(springs)
     phases = [x for element in elements for x in (*_phases(element.law), *element.displacement.corners)]
     if not phases and not levels:
-        return _without_breakpoints(m, S, H, len(left))
+        return _without_breakpoints(m, S, H, len(truncated_orders))
     e = [element.displacement for element in elements]
-    moved = [_segments_of(one, nu).scaled(-1.0) if one.corners else None for one in e]
+    gaps = [_segments_of(function, nu).scaled(-1.0) if function.corners else None for function in e]
     with_breakpoints = [j for j in range(m) if e[j].corners]
-    kept, beyond = np.zeros((H + 1, m), dtype=complex), np.zeros((len(left), m), dtype=complex)
+    retained, truncated = np.zeros((H + 1, m), dtype=complex), np.zeros((len(truncated_orders), m), dtype=complex)
     for j in with_breakpoints:
         c = np.zeros(2 * H + 1, dtype=complex)
-        known = to_complex(stretch(e[j].row(2 * H // nu), nu))
-        c[: len(known)] = known
-        kept[orders, j], beyond[:, j] = c[orders], c[left]
-    highest = max([0, *(one.spring.stiffness.order for one in springs)]) * nu
+        harmonics = to_complex(stretch(e[j].row(2 * H // nu), nu))
+        c[: len(harmonics)] = harmonics
+        retained[orders, j], truncated[:, j] = c[orders], c[truncated_orders]
+    highest = max([0, *(spring.law.stiffness.order for spring in springs)]) * nu
     length = 8 * H + highest + 1
-    level_of = [None] * m + [one.level for one in levels]
-    made = [
+    level_of = [None] * m + [moving.level for moving in levels]
+    spring_tables = [
         _stiffness_segments(
-            one.spring.stiffness, e[one.element], cast(Phased | None, level_of[one.displacement]), nu, length
+            spring.law.stiffness, e[spring.element], cast(Phased | None, level_of[spring.displacement]), nu, length
         )
-        if one.spring.stiffness.corners or e[one.element].corners or one.displacement >= m else None
-        for one in springs
+        if spring.law.stiffness.corners or e[spring.element].corners or spring.displacement >= m else None
+        for spring in springs
     ]  # fmt: skip
-    count = [len(one[0].at) if one else 0 for one in made]
-    sums = [one[2] for one in made if one]
-    tables = [
+    counts = [len(table[0].at) if table else 0 for table in spring_tables]
+    integrals = [table[2] for table in spring_tables if table]
+    level_tables = [
         _level_table(
-            e[one.element],
-            one.level,
+            e[moving.element],
+            moving.level,
             nu,
-            [spring.spring.stiffness for spring in springs if spring.displacement == m + i],
+            [spring.law.stiffness for spring in springs if spring.displacement == m + i],
         )
-        for i, one in enumerate(levels)
+        for i, moving in enumerate(levels)
     ]
-    pieces = [one.at for one in moved if one] + [one.at for one, *_ in tables]
-    fixed = np.zeros(sum(len(one.at) for one in moved if one), dtype=bool)
+    starts = [w.at for w in gaps if w] + [w.at for w, *_ in level_tables]
+    fixed = np.zeros(sum(len(w.at) for w in gaps if w), dtype=bool)
     return PiecewiseExcitation(
         phases=np.unique((np.array(phases)[None, :] + TURN * np.arange(nu)[:, None]) / nu),
-        moves=_first_indices([*(len(one.at) if one else 0 for one in moved), *(len(one.at) for one, *_ in tables)]),
-        at=np.concatenate([np.empty(0), *pieces]),
-        coefficients=_stack_padded([*(one.rows for one in moved if one), *(one.rows for one, *_ in tables)], 4),
-        broken=np.concatenate([fixed, *(broken for _, broken, _ in tables)]),
-        idle=np.concatenate([fixed, *(idle for *_, idle in tables)]),
-        bounds=np.array([*([-np.inf, np.inf] for _ in range(m)), *(_range(w, idle) for w, _, idle in tables)]),
-        kept=np.ascontiguousarray(kept[:, [*range(m), *(one.element for one in levels)]]),
-        beyond=beyond,
-        parts=_first_indices(count),
-        begin=np.concatenate([np.empty(0), *(one[0].at for one in made if one)]),
-        weight=_stack_padded([one[0].rows for one in made if one], 4),
-        sums=_concatenate_integrals(sums, count, S, length),
-        pulled=_stack_padded([one[1].rows for one in made if one], 7),
-        powers=_powers(moved, cubic, length),
-        grid=_grid(e, kept, nu, N),
+        gap_offsets=_first_indices([*(len(w.at) if w else 0 for w in gaps), *(len(w.at) for w, *_ in level_tables)]),
+        gap_starts=np.concatenate([np.empty(0), *starts]),
+        coefficients=_stack_padded([*(w.rows for w in gaps if w), *(w.rows for w, *_ in level_tables)], 4),
+        has_jump=np.concatenate([fixed, *(has_jump for _, has_jump, _ in level_tables)]),
+        inactive=np.concatenate([fixed, *(inactive for *_, inactive in level_tables)]),
+        bounds=np.array(
+            [*([-np.inf, np.inf] for _ in range(m)), *(_range(w, inactive) for w, _, inactive in level_tables)]
+        ),
+        retained=np.ascontiguousarray(retained[:, [*range(m), *(moving.element for moving in levels)]]),
+        truncated=truncated,
+        spring_offsets=_first_indices(counts),
+        spring_starts=np.concatenate([np.empty(0), *(table[0].at for table in spring_tables if table)]),
+        stiffness=_stack_padded([table[0].rows for table in spring_tables if table], 4),
+        integrals=_concatenate_integrals(integrals, counts, S, length),
+        gap_force=_stack_padded([table[1].rows for table in spring_tables if table], 7),
+        gap_powers=_powers(gaps, cubic, length),
+        grid=_grid(e, retained, nu, N),
     )
 
 
@@ -179,7 +187,7 @@ def _abrupt_changes(stiffness: Phased) -> list[float]:
     abrupt = jumps[:, 0] > _JUMP_ROUNDING
     if jumps.shape[1] > 1:
         abrupt |= jumps[:, 1] > _MAX_SLOPE_JUMP
-    return [x % TURN for x, found in zip(stiffness.phases, abrupt.tolist(), strict=True) if found]
+    return [x % TURN for x, is_abrupt in zip(stiffness.phases, abrupt.tolist(), strict=True) if is_abrupt]
 
 
 _MAX_SLOPE_JUMP = 1e-2
@@ -191,24 +199,24 @@ variational equation does not begin a new segment: the multipliers of tables wit
 def _level_table(
     displacement: Phased, level: Phased | Pieced, nu: int, stiffness: Sequence[Phased]
 ) -> tuple[Pieced, np.ndarray, np.ndarray]:
-    """Return w of a moving level, and `PiecewiseExcitation.broken` and `PiecewiseExcitation.idle` of its segments."""
+    """Return w of a moving level, with `PiecewiseExcitation.has_jump` and `inactive` of its segments."""
     w = (level.repeated(nu) if isinstance(level, Pieced) else pieces_of(level, nu)).scaled(-1.0)
     if displacement.corners:
         w = w.plus(_segments_of(displacement, nu).scaled(-1.0))
-    k = [_segments_of(one, nu) for one in stiffness]
-    for one in k:
-        acts = np.any(one.rows != 0.0, axis=1)
-        w = w.on(one.at[acts != np.roll(acts, 1)])
+    k = [_segments_of(function, nu) for function in stiffness]
+    for segments in k:
+        acts = np.any(segments.rows != 0.0, axis=1)
+        w = w.on(segments.at[acts != np.roll(acts, 1)])
     ends = np.array([np.polynomial.polynomial.polyval(x, row) for x, row in zip(w.widths, w.rows, strict=True)])
-    jump = np.abs(w.rows[:, 0] - np.roll(ends, 1))
-    broken: np.ndarray = jump > _JUMP_ROUNDING * max(1e-300, np.abs(w.rows[:, 0]).max())
-    acting = [np.any(one.rows_at(w.at) != 0.0, axis=1) for one in k]
-    return w, broken, ~np.any(acting, axis=0) if acting else np.zeros(len(w.at), dtype=bool)
+    jumps = np.abs(w.rows[:, 0] - np.roll(ends, 1))
+    has_jump: np.ndarray = jumps > _JUMP_ROUNDING * max(1e-300, np.abs(w.rows[:, 0]).max())
+    acts_on_segment = [np.any(segments.rows_at(w.at) != 0.0, axis=1) for segments in k]
+    return w, has_jump, ~np.any(acts_on_segment, axis=0) if acts_on_segment else np.zeros(len(w.at), dtype=bool)
 
 
-def _range(w: Pieced, idle: np.ndarray) -> tuple[float, float]:
+def _range(w: Pieced, inactive: np.ndarray) -> tuple[float, float]:
     """Return a lower and an upper bound of w on the segments that are not idle."""
-    used = np.flatnonzero(~idle)
+    used = np.flatnonzero(~inactive)
     rows, widths = w.rows[used], w.widths[used]
     higher = sum((np.abs(rows[:, q]) * widths**q for q in range(2, rows.shape[1])), np.zeros(len(used)))
     ends = rows[:, 0] + (rows[:, 1] * widths if rows.shape[1] > 1 else 0.0)
@@ -220,25 +228,26 @@ _JUMP_ROUNDING = 1e-10
 
 
 @lru_cache(maxsize=64)
-def _without_breakpoints(m: int, S: int, H: int, left: int) -> PiecewiseExcitation:
+def _without_breakpoints(m: int, S: int, H: int, truncated_count: int) -> PiecewiseExcitation:
     """Return the empty arrays of m elements and S springs without breakpoints."""
-    none, pairs = np.empty(0), np.zeros((0, 2, 0), dtype=complex)
+    empty, integrals = np.empty(0), np.zeros((0, 2, 0), dtype=complex)
     return PiecewiseExcitation(
-        none, _first_indices([0] * m), none, np.empty((0, 4)), np.empty(0, dtype=bool), np.empty(0, dtype=bool),
+        empty, _first_indices([0] * m), empty, np.empty((0, 4)), np.empty(0, dtype=bool), np.empty(0, dtype=bool),
         np.tile([-np.inf, np.inf], (m, 1)), np.zeros((H + 1, m), dtype=complex),
-        np.zeros((left, m), dtype=complex), _first_indices([0] * S), none, np.empty((0, 4)), pairs, np.empty((0, 7)),
+        np.zeros((truncated_count, m), dtype=complex), _first_indices([0] * S), empty, np.empty((0, 4)), integrals,
+        np.empty((0, 7)),
         np.zeros((m, 3, 0), dtype=complex), np.zeros((2, m, 0)),
     )  # fmt: skip
 
 
-def beyond(displacement: Phased, kept: ComplexArray, nu: int, theta: Array, order: int = 0) -> Array:
+def known_gap(displacement: Phased, retained: ComplexArray, nu: int, theta: Array, order: int = 0) -> Array:
     """Return the known part of the gap of an element, e up to harmonic H minus e, or a derivative in theta.
 
     Parameters
     ----------
     displacement : Phased
         Prescribed displacement e.
-    kept : ndarray, shape (H + 1,)
+    retained : ndarray, shape (H + 1,)
         One-sided harmonics of e.
     nu : int
         Subharmonic order.
@@ -252,45 +261,47 @@ def beyond(displacement: Phased, kept: ComplexArray, nu: int, theta: Array, orde
     ndarray
         Value at each phase.
     """
-    kept_part = evaluate(to_real(kept), theta, order)
-    out: Array = kept_part - nu**order * displacement(nu * theta, order)
+    low_part = evaluate(to_real(retained), theta, order)
+    out: Array = low_part - nu**order * displacement(nu * theta, order)
     return out
 
 
-def gap(displacement: Phased, kept: ComplexArray, nu: int, row: Array, theta: Array, order: int = 0) -> Array:
-    """Return the gap of an element whose motion is a row, or a derivative in theta; ``kept`` as in `beyond`."""
-    return evaluate(row, theta, order) + (beyond(displacement, kept, nu, theta, order) if displacement.corners else 0.0)
+def gap(displacement: Phased, retained: ComplexArray, nu: int, row: Array, theta: Array, order: int = 0) -> Array:
+    """Return the gap of an element whose motion is a row, or a derivative in theta; ``retained`` as in `known_gap`."""
+    return evaluate(row, theta, order) + (
+        known_gap(displacement, retained, nu, theta, order) if displacement.corners else 0.0
+    )
 
 
-def gap_samples(displacement: Phased, kept: ComplexArray, nu: int, row: Array, N: int, order: int = 0) -> Array:
+def gap_samples(displacement: Phased, retained: ComplexArray, nu: int, row: Array, N: int, order: int = 0) -> Array:
     """Return `gap` at N equal steps of the period, (N,)."""
     out = samples_of(derive(to_complex(row), order), N)
     if displacement.corners:
         theta = TURN * np.arange(N) / N
-        out += samples_of(derive(kept, order), N) - nu**order * displacement(nu * theta, order)
+        out += samples_of(derive(retained, order), N) - nu**order * displacement(nu * theta, order)
     return out
 
 
-def _grid(e: Sequence[Phased], kept: ComplexArray, nu: int, N: int) -> Array:
+def _grid(e: Sequence[Phased], retained: ComplexArray, nu: int, N: int) -> Array:
     """Return `PiecewiseExcitation.grid`."""
-    some = [j for j, one in enumerate(e) if one.corners]
-    out = np.zeros((2, len(e), N if some else 0))
+    with_breakpoints = [j for j, function in enumerate(e) if function.corners]
+    out = np.zeros((2, len(e), N if with_breakpoints else 0))
     theta = TURN * np.arange(out.shape[2]) / max(N, 1)
-    for j in some:
-        out[0, j], out[1, j] = (beyond(e[j], kept[:, j], nu, theta, order) for order in (0, 1))
+    for j in with_breakpoints:
+        out[0, j], out[1, j] = (known_gap(e[j], retained[:, j], nu, theta, order) for order in (0, 1))
     return out
 
 
-def _powers(moved: Sequence[Pieced | None], cubic: Array, length: int) -> ComplexArray:
-    """Return `PiecewiseExcitation.powers`."""
-    some = [j for j, one in enumerate(moved) if one and cubic[j].any()]
-    out = np.zeros((len(moved), 3, length if some else 0), dtype=complex)
-    for j in some:
-        w = moved[j]
+def _powers(gaps: Sequence[Pieced | None], cubic: Array, length: int) -> ComplexArray:
+    """Return `PiecewiseExcitation.gap_powers`."""
+    with_cubic = [j for j, w in enumerate(gaps) if w and cubic[j].any()]
+    out = np.zeros((len(gaps), 3, length if with_cubic else 0), dtype=complex)
+    for j in with_cubic:
+        w = gaps[j]
         assert w is not None
         square = w.times(w)
-        for own, one in zip(out[j], (w, square, square.times(w)), strict=True):
-            own[:] = one.integrals(length)[-1] / TURN
+        for row, power in zip(out[j], (w, square, square.times(w)), strict=True):
+            row[:] = power.integrals(length)[-1] / TURN
     return out
 
 
@@ -308,17 +319,17 @@ def _stiffness_segments(
     w = _segments_of(displacement, nu).scaled(-1.0 if displacement.corners else 0.0)
     if level is not None:
         w = w.plus(pieces_of(level, nu).scaled(-1.0))
-    pulled = k.times(w)
+    kw = k.times(w)
     if level is None:
-        k = k.on(pulled.at)
-        return k, pulled, np.stack([k.integrals(length), pulled.integrals(length)], axis=1)
+        k = k.on(kw.at)
+        return k, kw, np.stack([k.integrals(length), kw.integrals(length)], axis=1)
     from hbgear.harmonic.forces.piecewise_kernels import integrals
 
-    k = Pieced(pulled.at, k.rows_at(pulled.at))
-    sums = np.zeros((len(k.at) + 1, 2, length), dtype=complex)
-    for i, one in enumerate((k, pulled)):
-        integrals(one.at, one.rows, sums[:, i])
-    return k, pulled, sums
+    k = Pieced(kw.at, k.rows_at(kw.at))
+    moments = np.zeros((len(k.at) + 1, 2, length), dtype=complex)
+    for i, function in enumerate((k, kw)):
+        integrals(function.at, function.rows, moments[:, i])
+    return k, kw, moments
 
 
 def _first_indices(count: Sequence[int]) -> np.ndarray:
@@ -328,16 +339,16 @@ def _first_indices(count: Sequence[int]) -> np.ndarray:
 
 def _stack_padded(rows: Sequence[Array], width: int) -> Array:
     """Return the coefficients of all segments, padded by zeros to the same number."""
-    each = [np.pad(one, ((0, 0), (0, width - one.shape[1]))) for one in rows]
-    return np.concatenate([np.empty((0, width)), *each])
+    padded = [np.pad(coefficients, ((0, 0), (0, width - coefficients.shape[1]))) for coefficients in rows]
+    return np.concatenate([np.empty((0, width)), *padded])
 
 
 def _concatenate_integrals(sums: Sequence[ComplexArray], count: Sequence[int], S: int, length: int) -> ComplexArray:
     """Return the integrals of all springs in one array, with one row of zeros for each spring without segments."""
     out = np.zeros((sum(count) + S if sums else 0, 2, length if sums else 0), dtype=complex)
-    rows, at = iter(sums), 0
+    rows, first = iter(sums), 0
     for n in count if sums else ():
         if n:
-            out[at : at + n + 1] = next(rows)
-        at += n + 1
+            out[first : first + n + 1] = next(rows)
+        first += n + 1
     return out

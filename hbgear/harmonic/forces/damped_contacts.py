@@ -77,20 +77,20 @@ class DampedContacts:
             depth = contact.side * coefficients[j]
             depth[0] -= contact.gap
             rate = derivative(depth)
-            found = intervals(contact, coefficients[j], omega)
-            T = product_matrices(_indicator(found.ends, 2 * H)[None])[0]
+            contact_intervals = intervals(contact, coefficients[j], omega)
+            T = product_matrices(_indicator(contact_intervals.ends, 2 * H)[None])[0]
             f = contact.side * (T @ (contact.k * depth + contact.c * omega * rate))
             R.reshape(m, n)[j] += f
             dR.reshape(m, n)[j] += contact.side * contact.c / self.nu * (T @ rate)
             blocks[j, :, j] += contact.k * T + contact.c * omega * after_derivative(T)
-            if found.jumps.size:
-                waves = _basis(found.jumps, H)
-                blocks[j, :, j] += contact.c * omega * (_impulses(waves) * found.signs) @ waves.T
+            if contact_intervals.jumps.size:
+                waves = _basis(contact_intervals.jumps, H)
+                blocks[j, :, j] += contact.c * omega * (_impulses(waves) * contact_intervals.signs) @ waves.T
             size += float(np.linalg.norm(f))
         return size
 
-    def add_truncated(self, X: Array, Omega: Array, left: np.ndarray, f: ComplexArray) -> None:
-        """Add the truncated force harmonics ``left`` (L,) of motions X (P, n) to f (P, m, L)."""
+    def add_truncated(self, X: Array, Omega: Array, orders: np.ndarray, f: ComplexArray) -> None:
+        """Add the truncated force harmonics ``orders`` (L,) of motions X (P, n) to f (P, m, L)."""
         P, m, _ = f.shape
         rows = X.reshape(P, m, -1)
         H = rows.shape[2] // 2
@@ -100,10 +100,10 @@ class DampedContacts:
                 c[0] -= contact.gap
                 y = contact.k * c + contact.c * omega * derive(c)
                 two_sided = np.concatenate([0.5 * y[:0:-1].conj(), [y[0]], 0.5 * y[1:]])
-                s = _indicator(intervals(contact, rows[p, j], omega).ends, int(left.max(initial=0)) + H)
-                near = np.abs(left[:, None] - np.arange(-H, H + 1))
-                conjugated = left[:, None] < np.arange(-H, H + 1)
-                f[p, j] += 2 * contact.side * (np.where(conjugated, s[near].conj(), s[near]) @ two_sided)
+                s = _indicator(intervals(contact, rows[p, j], omega).ends, int(orders.max(initial=0)) + H)
+                distance = np.abs(orders[:, None] - np.arange(-H, H + 1))
+                is_negative = orders[:, None] < np.arange(-H, H + 1)
+                f[p, j] += 2 * contact.side * (np.where(is_negative, s[distance].conj(), s[distance]) @ two_sided)
 
 
 def intervals(contact: DampedContact, row: Array, omega: float) -> Intervals:
@@ -125,22 +125,22 @@ def intervals(contact: DampedContact, row: Array, omega: float) -> Intervals:
     """
     c = contact.side * to_complex(row)
     c[0] -= contact.gap
-    found = roots_of(c)
+    roots = roots_of(c)
     if contact.clipped:
-        pushed = roots_of(contact.k * c + contact.c * omega * derive(c))
-        theta = np.concatenate([found, pushed])
+        force_roots = roots_of(contact.k * c + contact.c * omega * derive(c))
+        theta = np.concatenate([roots, force_roots])
         order = np.argsort(theta, kind="stable")
-        theta, jumps = theta[order], (np.arange(len(theta)) < len(found))[order]
+        theta, jumps = theta[order], (np.arange(len(theta)) < len(roots))[order]
     else:
-        theta, jumps = found, np.ones(len(found), dtype=bool)
+        theta, jumps = roots, np.ones(len(roots), dtype=bool)
     if not theta.size:
         acts = contact.pushes(*_motion(row, omega, np.zeros(1)))[0]
         return Intervals(np.array([[0.0, 2 * np.pi]] if acts else []).reshape(-1, 2), np.zeros(0), np.zeros(0))
     ends = np.append(theta, theta[0] + 2 * np.pi)
     acts = contact.pushes(*_motion(row, omega, 0.5 * (ends[:-1] + ends[1:])))
     change = acts.astype(int) - np.roll(acts, 1).astype(int)
-    some = jumps & (change != 0)
-    return Intervals(np.column_stack([ends[:-1], ends[1:]])[acts], theta[some] % (2 * np.pi), change[some])
+    is_jump = jumps & (change != 0)
+    return Intervals(np.column_stack([ends[:-1], ends[1:]])[acts], theta[is_jump] % (2 * np.pi), change[is_jump])
 
 
 def _motion(row: Array, omega: float, theta: Array) -> tuple[Array, Array]:

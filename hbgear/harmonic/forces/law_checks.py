@@ -60,7 +60,7 @@ def check_laws(system: System) -> None:
                 f"element '{element.name}' has friction and a prescribed displacement with breakpoints, a Periodic; "
                 "give the displacement as a Series"
             )
-        if any(slider.normal for slider in element.law.sliders) and any(one.law.damped for one in system.elements):
+        if any(slider.normal for slider in element.law.sliders) and any(other.law.damped for other in system.elements):
             raise ValueError(
                 f"element '{element.name}' has friction proportional to a normal force, and another element a contact "
                 "with a damper whose force jumps: stability of both together is not available; use Unilateral or "
@@ -71,8 +71,8 @@ def check_laws(system: System) -> None:
                 f"element '{element.name}' has a contact with a damper and a prescribed displacement with breakpoints, "
                 "a Periodic; give the displacement as a Series"
             )
-    for rows, whole in vector_groups([element.law for element in system.elements]):
-        check_vector_law(whole, max(float(system.elements[j].displacement.bound) for j in rows) or 1.0)
+    for rows, vector_law in vector_groups([element.law for element in system.elements]):
+        check_vector_law(vector_law, max(float(system.elements[j].displacement.bound) for j in rows) or 1.0)
     user_laws = [[law for law in element.law.parts if moving_springs_of(law) is None] for element in system.elements]
     for laws in user_laws:
         for law in laws:
@@ -112,37 +112,37 @@ def check_vector_law(law: VectorLaw, length: float) -> None:
     p, name, N = law.size, type(law).__name__, 16
     random = np.random.default_rng(0)
     state, tau = length * random.uniform(-1.5, 1.5, (2, p, N)), random.uniform(0, 2 * np.pi, N)
-    found = law.force(state[0], state[1], tau)
-    shapes = [np.shape(part) for part in found] if isinstance(found, tuple | list) else [np.shape(found)]
+    returned = law.force(state[0], state[1], tau)
+    shapes = [np.shape(part) for part in returned] if isinstance(returned, tuple | list) else [np.shape(returned)]
     if shapes != [(p, N), (p, p, N), (p, p, N)]:
         raise ValueError(
             f"{name}.force must return (p, dp/dd, dp/dv) of shapes {(p, N)}, {(p, p, N)}, {(p, p, N)} for {p} "
             f"displacements at {N} instants; it returned {', '.join(map(str, shapes))}"
         )
-    if not all(np.isfinite(part).all() for part in found):
+    if not all(np.isfinite(part).all() for part in returned):
         raise ValueError(f"{name}.force gives a number that is not finite: check roots and divisions in it")
-    for which, words in enumerate(("dp/dd", "dp/dv")):
-        stated = np.asarray(found[1 + which])
-        coarse, fine = (_vector_differences(law, state, tau, which, h * length) for h in (_LAW_STEP, 0.5 * _LAW_STEP))
-        size = np.abs(stated).max() + np.abs(found[0]).max() / length
+    for axis, label in enumerate(("dp/dd", "dp/dv")):
+        stated = np.asarray(returned[1 + axis])
+        coarse, fine = (_vector_differences(law, state, tau, axis, h * length) for h in (_LAW_STEP, 0.5 * _LAW_STEP))
+        size = np.abs(stated).max() + np.abs(returned[0]).max() / length
         smooth = np.abs(coarse - fine) <= _SMOOTHNESS_TOLERANCE * size
         wrong = np.argwhere(smooth & (np.abs(fine - stated) > _SLOPE_TOLERANCE * size))
         if len(wrong):
             i, j, n = wrong[0].tolist()
             raise ValueError(
-                f"{name}.force gives {words}[{i}, {j}] = {stated[i, j, n]:.6g} at d = {state[0, :, n]}, where "
+                f"{name}.force gives {label}[{i}, {j}] = {stated[i, j, n]:.6g} at d = {state[0, :, n]}, where "
                 f"differences of p give {fine[i, j, n]:.6g}: correct the array; its first axis is the force"
             )
 
 
-def _vector_differences(law: VectorLaw, state: Array, tau: Array, which: int, h: float) -> Array:
+def _vector_differences(law: VectorLaw, state: Array, tau: Array, axis: int, h: float) -> Array:
     """Return central differences (p, p, N) of a vector law in d (which = 0) or v (which = 1)."""
     columns = []
     for j in range(law.size):
-        ahead, behind = state.copy(), state.copy()
-        ahead[which, j] += h
-        behind[which, j] -= h
-        columns.append((law.force(ahead[0], ahead[1], tau)[0] - law.force(behind[0], behind[1], tau)[0]) / (2 * h))
+        above, below = state.copy(), state.copy()
+        above[axis, j] += h
+        below[axis, j] -= h
+        columns.append((law.force(above[0], above[1], tau)[0] - law.force(below[0], below[1], tau)[0]) / (2 * h))
     out: Array = np.stack(columns, axis=1)
     return out
 
@@ -194,16 +194,16 @@ _MIN_DISPLACEMENT_RATIO = 1e-9
 
 def _is_stiff(law: Law) -> bool:
     """Return whether dp/dd is not zero everywhere."""
-    known = moving_springs_of(law)
-    if known is not None:
-        springs, k1, k3 = known
-        return bool(k1 or k3 or any(any(one.spring.slopes) for one in springs))
+    split_law = moving_springs_of(law)
+    if split_law is not None:
+        springs, k1, k3 = split_law
+        return bool(k1 or k3 or any(any(spring.spring.slopes) for spring in springs))
     d = np.logspace(-12.0, 12.0, 97)
-    at = np.concatenate([d, -d])
-    if np.any(np.nan_to_num(at_rest(law, at)[1])):
+    displacements = np.concatenate([d, -d])
+    if np.any(np.nan_to_num(at_rest(law, displacements)[1])):
         return True
-    still, phases = np.zeros(3), np.array([0.0, 1.1, 4.0])  # a stiffness that varies may be zero at phase 0
-    return bool(np.any(evaluate_force(law, still, still, phases)[1]))
+    zeros, phases = np.zeros(3), np.array([0.0, 1.1, 4.0])  # a stiffness that varies may be zero at phase 0
+    return bool(np.any(evaluate_force(law, zeros, zeros, phases)[1]))
 
 
 _NEGLIGIBLE_SLOPE_RATIO = 1e-10
@@ -236,15 +236,15 @@ def check_law(law: Law, length: float, rate: float) -> None:
     x, y, tau = (
         part.ravel() for part in np.meshgrid(_DISPLACEMENTS, _DISPLACEMENTS[::2], [0.0, 1.1, 4.0], indexing="ij")
     )
-    near = np.abs(x) <= _FINITE_RANGE
+    is_near = np.abs(x) <= _FINITE_RANGE
     for size in (1.0, 0.03):  # some laws bend much closer to the origin in one direction than in the other
         d, v = size * length * x, size * length * rate * y
         p, *slopes = evaluate_force(law, d, v, tau)
-        for part, words in zip((p, *slopes), ("p", "dp/dd", "dp/dv"), strict=True):
-            if not np.isfinite(part[near]).all():
-                i = int(np.flatnonzero(near & ~np.isfinite(part))[0])
+        for part, label in zip((p, *slopes), ("p", "dp/dd", "dp/dv"), strict=True):
+            if not np.isfinite(part[is_near]).all():
+                i = int(np.flatnonzero(is_near & ~np.isfinite(part))[0])
                 raise ValueError(
-                    f"{name}.force gives {words} = {part[i]} at {_state_text(d[i], v[i], tau[i])}; it must be "
+                    f"{name}.force gives {label} = {part[i]} at {_state_text(d[i], v[i], tau[i])}; it must be "
                     "finite for every motion: check roots and divisions in it"
                 )
         _check_slope(law, (d, v, tau), 0, slopes[0], _LAW_STEP * length)
@@ -252,31 +252,31 @@ def check_law(law: Law, length: float, rate: float) -> None:
             _check_slope(law, (d, v, tau), 1, slopes[1], _LAW_STEP * length * rate)
 
 
-def _check_slope(law: Law, at: Sequence[Array], which: int, stated: Array, step: float) -> None:
+def _check_slope(law: Law, state: Sequence[Array], axis: int, stated: Array, step: float) -> None:
     """Compare dp/dd (which = 0) or dp/dv (which = 1) with differences of p at states (d, v, tau)."""
-    coarse, fine = (_difference(law, at, which, h) for h in (step, 0.5 * step))
-    p = np.abs(evaluate_force(law, *at)[0])
-    rounding = 1e3 * np.finfo(float).eps * (p + np.abs(np.asarray(at[which]) * stated)) / step
-    typical = abs(law.reference) if which == 0 else 0.0
+    coarse, fine = (_difference(law, state, axis, h) for h in (step, 0.5 * step))
+    p = np.abs(evaluate_force(law, *state)[0])
+    rounding = 1e3 * np.finfo(float).eps * (p + np.abs(np.asarray(state[axis]) * stated)) / step
+    typical = abs(law.reference) if axis == 0 else 0.0
     rounding += _NEGLIGIBLE_SLOPE_RATIO * max(typical, float(np.abs(stated).max()))
     size = np.maximum(np.abs(stated), np.abs(fine))
     smooth = np.abs(coarse - fine) <= _SMOOTHNESS_TOLERANCE * np.abs(fine) + rounding
     wrong = np.flatnonzero(smooth & (np.abs(fine - stated) > _SLOPE_TOLERANCE * size + rounding))
     if wrong.size:
         i = int(wrong[np.argmax(np.abs(fine - stated)[wrong])])
-        words, number = (("dp/dd", "second"), ("dp/dv", "third"))[which]
+        label, number = (("dp/dd", "second"), ("dp/dv", "third"))[axis]
         raise ValueError(
-            f"{type(law).__name__}.force gives {words} = {stated[i]:.6g} at {_state_text(*(x[i] for x in at))}, where "
-            f"differences of p give {fine[i]:.6g}: correct the {number} array that it returns"
+            f"{type(law).__name__}.force gives {label} = {stated[i]:.6g} at {_state_text(*(x[i] for x in state))}, "
+            f"where differences of p give {fine[i]:.6g}: correct the {number} array that it returns"
         )
 
 
-def _difference(law: Law, at: Sequence[Array], which: int, h: float) -> Array:
+def _difference(law: Law, state: Sequence[Array], axis: int, h: float) -> Array:
     """Return the central difference of p in d (which = 0) or v (which = 1) with step h."""
-    shift = [h if i == which else 0.0 for i in range(2)]
-    d, v, tau = at
-    ahead, behind = (evaluate_force(law, d + side * shift[0], v + side * shift[1], tau)[0] for side in (1, -1))
-    slope: Array = (ahead - behind) / (2 * h)
+    shift = [h if i == axis else 0.0 for i in range(2)]
+    d, v, tau = state
+    above, below = (evaluate_force(law, d + side * shift[0], v + side * shift[1], tau)[0] for side in (1, -1))
+    slope: Array = (above - below) / (2 * h)
     return slope
 
 
@@ -294,22 +294,26 @@ def evaluate_force(law: Law, d: Array, v: Array, tau: Array) -> tuple[Array, Arr
         If the law does not return three arrays of this shape.
     """
     with np.errstate(all="ignore"):
-        found = law.force(d, v, tau)
-    check_returned(law, found, np.shape(d))
-    p, stiffness, damping = (np.asarray(part, dtype=float) for part in found)
+        returned = law.force(d, v, tau)
+    check_returned(law, returned, np.shape(d))
+    p, stiffness, damping = (np.asarray(part, dtype=float) for part in returned)
     return p, stiffness, damping
 
 
-def check_returned(law: Law, found: Any, shape: tuple[int, ...]) -> None:
+def check_returned(law: Law, returned: Any, shape: tuple[int, ...]) -> None:
     """Raise an error unless a law returned three arrays of the required shape."""
     required = (
         f"{type(law).__name__}.force must return three arrays, (p, dp/dd, dp/dv), each of the shape of d, {shape}"
     )
-    if not isinstance(found, tuple | list):
-        what = f"one array of shape {np.shape(found)}" if isinstance(found, np.ndarray) else f"{type(found).__name__}"
-        raise ValueError(f"{required}; it returned {what}: add the derivatives, zeros where there are none")
-    if len(found) != 3:
-        raise ValueError(f"{required}; it returned {len(found)}: add the derivatives, zeros where there are none")
-    if [np.shape(part) for part in found] != 3 * [shape]:
-        got = ", ".join(str(np.shape(part)) for part in found)
-        raise ValueError(f"{required}; got {got}: for a constant c give np.full_like(d, c)")
+    if not isinstance(returned, tuple | list):
+        kind = (
+            f"one array of shape {np.shape(returned)}"
+            if isinstance(returned, np.ndarray)
+            else f"{type(returned).__name__}"
+        )
+        raise ValueError(f"{required}; it returned {kind}: add the derivatives, zeros where there are none")
+    if len(returned) != 3:
+        raise ValueError(f"{required}; it returned {len(returned)}: add the derivatives, zeros where there are none")
+    if [np.shape(part) for part in returned] != 3 * [shape]:
+        shapes = ", ".join(str(np.shape(part)) for part in returned)
+        raise ValueError(f"{required}; got {shapes}: for a constant c give np.full_like(d, c)")

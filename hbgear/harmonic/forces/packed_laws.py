@@ -30,10 +30,10 @@ class PackedLaws(NamedTuple):
     ramped (K,) : whether the slope of a spring of the table changes there. If not, and the displacement has a moving
         level, it is the first level of all contacts of a flank, which is used for clearances only.
     element (Q,) : the element of each displacement.
-    of (S,), over (S,), base (S, 2), series (S, L) : element, displacement, s0 and g0 of each spring, and the two-sided
-        coefficients of its stiffness at the basis harmonics shifts (L,), the first of which is 0. The series of a
-        stiffness with breakpoints is 1, see `PiecewiseExcitation`.
-    at, part (R,), change (R,) : breakpoint, spring and D of each change of slope.
+    spring_element, spring_displacement (S,), base (S, 2), series (S, L) : element, displacement, s0 and g0 of each
+        spring, and the two-sided coefficients of its stiffness at the basis harmonics shifts (L,), the first of which
+        is 0. The series of a stiffness with breakpoints is 1, see `PiecewiseExcitation`.
+    ramp_breakpoint, ramp_spring, slope_change (R,) : breakpoint, spring and D of each change of slope.
     cubic (m, 2) : k1 and k3.
     """
 
@@ -41,14 +41,14 @@ class PackedLaws(NamedTuple):
     owner: np.ndarray
     ramped: np.ndarray
     element: np.ndarray
-    of: np.ndarray
-    over: np.ndarray
+    spring_element: np.ndarray
+    spring_displacement: np.ndarray
     base: Array
     shifts: np.ndarray
     series: ComplexArray
-    at: np.ndarray
-    part: np.ndarray
-    change: Array
+    ramp_breakpoint: np.ndarray
+    ramp_spring: np.ndarray
+    slope_change: Array
     cubic: Array
 
 
@@ -57,7 +57,7 @@ class PackedSpring(NamedTuple):
 
     element: int
     displacement: int
-    spring: PiecewiseLinear
+    law: PiecewiseLinear
 
 
 class MovingLevel(NamedTuple):
@@ -76,61 +76,65 @@ class Packing(NamedTuple):
     table: PackedLaws
     springs: list[PackedSpring]
     levels: list[MovingLevel]
-    left: np.ndarray
+    unpacked: np.ndarray
     public: int
 
 
 def pack_laws(laws: Sequence[Law], sampled: bool, nu: int) -> Packing:
-    """Return the table of laws, with everything that the table of breakpoints needs of them."""
+    """Return the table of laws, with all data that the table of breakpoints needs."""
     m = len(laws)
-    known = [None if sampled else moving_springs_of(law) for law in laws]
-    levels, owner, level = _public_breakpoints(laws, known)
+    split_laws = [None if sampled else moving_springs_of(law) for law in laws]
+    levels, owner, level = _public_breakpoints(laws, split_laws)
     public = len(level)
-    place = {(j, x): i for i, (j, x) in enumerate(zip(owner, level, strict=True))}
-    moving: dict[tuple[int, Phased], int] = {}
+    position = {(j, x): i for i, (j, x) in enumerate(zip(owner, level, strict=True))}
+    displacement_of: dict[tuple[int, Phased], int] = {}
     springs = []
-    for j, parts in enumerate(known):
-        for spring, moves in parts[0] if parts else ():
+    for j, terms in enumerate(split_laws):
+        for spring, moving_level in terms[0] if terms else ():
             q = j
-            if moves is not None:
-                q = moving.setdefault((j, moves), m + len(levels))
+            if moving_level is not None:
+                q = displacement_of.setdefault((j, moving_level), m + len(levels))
             if q == m + len(levels):
-                levels.append(MovingLevel(j, cast(Phased, moves)))
-                place[q, 0.0] = len(level)
+                levels.append(MovingLevel(j, cast(Phased, moving_level)))
+                position[q, 0.0] = len(level)
                 owner.append(q)
                 level.append(0.0)
             springs.append(PackedSpring(j, q, spring))
-    rows = [_two_sided(_series_of(one.spring.stiffness), nu) for one in springs]
+    rows = [_two_sided(_series_of(spring.law.stiffness), nu) for spring in springs]
     shifts = sorted({0} | {k for row in rows for k in np.flatnonzero(row).tolist()})
     series = np.zeros((len(springs), len(shifts)), dtype=complex)
-    for own, row in zip(series, rows, strict=True):
-        own[:] = [row[k] if k < len(row) else 0.0 for k in shifts]
+    for coefficients, row in zip(series, rows, strict=True):
+        coefficients[:] = [row[k] if k < len(row) else 0.0 for k in shifts]
     base, ramps = np.zeros((len(springs), 2)), []
     for s, (_, q, spring) in enumerate(springs):
         g0, changes, breakpoints = spring.ramps
         base[s] = spring.slopes[0], g0
-        ramps += [(place[q, float(x)], s, float(D)) for x, D in zip(breakpoints, changes, strict=True)]
-    at, part, change = (np.array(column) for column in zip(*ramps, strict=True)) if ramps else ([], [], [])
-    at = np.asarray(at, dtype=np.int64)
+        ramps += [(position[q, float(x)], s, float(D)) for x, D in zip(breakpoints, changes, strict=True)]
+    breakpoint_of_ramp, spring_of_ramp, slope_changes = (
+        (np.array(column) for column in zip(*ramps, strict=True)) if ramps else ([], [], [])
+    )
+    breakpoint_of_ramp = np.asarray(breakpoint_of_ramp, dtype=np.int64)
     ramped = np.zeros(len(level), dtype=bool)
-    ramped[at] = True
-    cubic = np.array([parts[1:] if parts else (0.0, 0.0) for parts in known], dtype=float).reshape(m, 2)
+    ramped[breakpoint_of_ramp] = True
+    cubic = np.array([terms[1:] if terms else (0.0, 0.0) for terms in split_laws], dtype=float).reshape(m, 2)
     table = PackedLaws(
         np.array(level, dtype=float), np.array(owner, dtype=np.int64), ramped,
-        np.array([*range(m), *(one.element for one in levels)], dtype=np.int64),
-        np.array([one.element for one in springs], dtype=np.int64),
-        np.array([one.displacement for one in springs], dtype=np.int64),
+        np.array([*range(m), *(moving_level.element for moving_level in levels)], dtype=np.int64),
+        np.array([spring.element for spring in springs], dtype=np.int64),
+        np.array([spring.displacement for spring in springs], dtype=np.int64),
         base, np.array(shifts, dtype=np.int64), series,
-        at, np.asarray(part, dtype=np.int64), np.asarray(change, dtype=float), cubic,
+        breakpoint_of_ramp, np.asarray(spring_of_ramp, dtype=np.int64), np.asarray(slope_changes, dtype=float), cubic,
     )  # fmt: skip
-    unknown = [
-        parts is None and not (isinstance(law, CompiledLaw) and law.is_called_by_kernels)
-        for parts, law in zip(known, laws, strict=True)
+    is_unpacked = [
+        terms is None and not (isinstance(law, CompiledLaw) and law.is_called_by_kernels)
+        for terms, law in zip(split_laws, laws, strict=True)
     ]
-    return Packing(table, springs, levels, np.flatnonzero(unknown), public)
+    return Packing(table, springs, levels, np.flatnonzero(is_unpacked), public)
 
 
-def _public_breakpoints(laws: Sequence[Law], known: Sequence[Any]) -> tuple[list[MovingLevel], list[int], list[float]]:
+def _public_breakpoints(
+    laws: Sequence[Law], split_laws: Sequence[Any]
+) -> tuple[list[MovingLevel], list[int], list[float]]:
     """Return the levels, displacements and values of `Law.breakpoints`.
 
     A breakpoint of contacts with moving levels is the first level of a flank, relative to which its value is zero.
@@ -139,7 +143,7 @@ def _public_breakpoints(laws: Sequence[Law], known: Sequence[Any]) -> tuple[list
     owner: list[int] = []
     level: list[float] = []
     for j, law in enumerate(laws):
-        contacts = contacts_of(law) if known[j] else ()
+        contacts = contacts_of(law) if split_laws[j] else ()
         for x, side in zip(law.breakpoints, flanks_of(contacts) if contacts else law.breakpoints, strict=True):
             if contacts:
                 owner.append(len(laws) + len(levels))

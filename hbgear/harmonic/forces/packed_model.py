@@ -25,15 +25,15 @@ from hbgear.mechanics.models import Element
 from hbgear.mechanics.series.fourier import to_complex
 
 
-class Own(NamedTuple):
+class UserLaws(NamedTuple):
     """Compiled laws of the user.
 
-    element, address (Q,), given (Q, G) : element, address of the code and parameters of each law.
+    element, address (Q,), parameters (Q, G) : element, address of the code and parameters of each law.
     """
 
     element: np.ndarray
     address: np.ndarray
-    given: Array
+    parameters: Array
 
 
 class Sliders(NamedTuple):
@@ -41,7 +41,7 @@ class Sliders(NamedTuple):
 
     element (Q,), k, residual (Q,) : element of each slider, ascending, and its numbers.
     normal (Q,) : element of the normal force; -1 without one.
-    moves (Q,) : whether the limit varies.
+    varies (Q,) : whether the limit varies.
     level (Q, B), gain, base (Q, B + 1) : levels of d_n, padded with inf, and the zones between them.
     wave (Q, P + 1) : one-sided coefficients of the prescribed limit without its mean.
     """
@@ -50,7 +50,7 @@ class Sliders(NamedTuple):
     k: Array
     residual: Array
     normal: np.ndarray
-    moves: np.ndarray
+    varies: np.ndarray
     level: Array
     gain: Array
     base: Array
@@ -63,74 +63,75 @@ class PackedLinearPart(NamedTuple):
     poles (2, r), residues (m m + L m, 2, r) : poles of the structure in real and imaginary parts; residues of the
         receptance G between elements, followed by the residues of the displacements of the elements under L loads.
     springs (2, m) : reference stiffness and damping of the elements.
-    orders (K + 1,), left (L,) : basis harmonics that are unknowns, all of 0..H by default; the others up to 2H.
-    moved (K + 1, m) : harmonics of the prescribed displacements.
+    orders (K + 1,), truncated_orders (L,) : basis harmonics that are unknowns, all of 0..H by default; the others up to
+        2H.
+    prescribed (K + 1, m) : harmonics of the prescribed displacements.
     loads (L, 2) : power of Omega of each load, and its position among the orders.
     nu : subharmonic order.
-    radius, near (B,), far (B, J, N, 2) : radii of bands of far poles, the number of poles below each radius, and the
-        coefficients of the power series of the others; the poles ascend. Empty for few poles.
+    radius, near_count (B,), far_series (B, J, N, 2) : radii of bands of far poles, the number of poles below each
+        radius, and the coefficients of the power series of the others; the poles ascend. Empty for few poles.
     """
 
     poles: Array
     residues: Array
     springs: Array
     orders: np.ndarray
-    left: np.ndarray
-    moved: ComplexArray
+    truncated_orders: np.ndarray
+    prescribed: ComplexArray
     loads: np.ndarray
     nu: int
     radius: Array
-    near: np.ndarray
-    far: Array
+    near_count: np.ndarray
+    far_series: Array
 
 
 class PackedModel(NamedTuple):
     """Model for kernels.
 
     basis (2H + 1, N) : real Fourier basis at N samples.
-    piecewise, own, sliders : None, all three, for a model without breakpoints in the phase, compiled laws of the user
-        and friction. Kernels are then compiled without the code for them, in half of the time. In all other models
-        those that are absent are empty arrays, so that kernels are compiled for two types of models only.
+    piecewise, user_laws, sliders : None, all three, for a model without breakpoints in the phase, compiled laws of the
+        user and friction. Kernels are then compiled without the code for them, in half of the time. In all other models
+        the absent ones are empty arrays, so that kernels are compiled for two types of models only.
     """
 
     laws: PackedLaws
     linear: PackedLinearPart
     basis: Array
     piecewise: PiecewiseExcitation | None
-    own: Own | None
+    user_laws: UserLaws | None
     sliders: Sliders | None
 
 
 def sliders_of(elements: Sequence[Element], nu: int, H: int) -> Sliders:
     """Return the friction sliders of a model; harmonics of their limits above H are left out."""
-    found = friction_limits(elements)
-    Q, B = len(found), max([0, *(len(limit.level) for *_, limit in found)])
-    P = nu * min(H // nu, max([0, *(limit.wave.order for *_, limit in found)]))
+    limits = friction_limits(elements)
+    Q, B = len(limits), max([0, *(len(limit.level) for *_, limit in limits)])
+    P = nu * min(H // nu, max([0, *(limit.wave.order for *_, limit in limits)]))
     level, zones, wave = np.full((Q, B), np.inf), np.zeros((2, Q, B + 1)), np.zeros((Q, P + 1), dtype=complex)
-    for i, (_, _, limit) in enumerate(found):
+    for i, (_, _, limit) in enumerate(limits):
         level[i, : len(limit.level)] = limit.level
         zones[:, i, : len(limit.gain)] = limit.gain, limit.base
         wave[i, ::nu] = to_complex(limit.wave.row(P // nu))
     return Sliders(
-        np.array([j for j, *_ in found], dtype=np.int64),
-        np.array([one.k for _, one, _ in found]),
-        np.array([one.residual for _, one, _ in found]),
-        np.array([limit.normal for *_, limit in found], dtype=np.int64),
-        np.array([limit.normal >= 0 or limit.wave.varies for *_, limit in found], dtype=np.bool_),
+        np.array([j for j, *_ in limits], dtype=np.int64),
+        np.array([slider.k for _, slider, _ in limits]),
+        np.array([slider.residual for _, slider, _ in limits]),
+        np.array([limit.normal for *_, limit in limits], dtype=np.int64),
+        np.array([limit.normal >= 0 or limit.wave.varies for *_, limit in limits], dtype=np.bool_),
         level, zones[0].copy(), zones[1].copy(), wave,
     )  # fmt: skip
 
 
-def own_of(laws: Sequence[Law]) -> Own:
+def user_laws_of(laws: Sequence[Law]) -> UserLaws:
     """Return the compiled laws of a model that kernels call."""
-    own = [(j, law) for j, law in enumerate(laws) if isinstance(law, CompiledLaw) and law.is_called_by_kernels]
-    given = np.zeros((len(own), 1 + max([0, *(len(law.parameters) for _, law in own)])))
-    for row, (_, law) in zip(given, own, strict=True):
+    user_laws = [(j, law) for j, law in enumerate(laws) if isinstance(law, CompiledLaw) and law.is_called_by_kernels]
+    parameters = np.zeros((len(user_laws), 1 + max([0, *(len(law.parameters) for _, law in user_laws)])))
+    for row, (_, law) in zip(parameters, user_laws, strict=True):
         row[: len(law.parameters)] = law.parameters
-    return Own(
-        np.array([j for j, _ in own], dtype=np.int64),
-        np.array([law.address for _, law in own], dtype=np.int64),
-        given,
+    return UserLaws(
+        np.array([j for j, _ in user_laws], dtype=np.int64),
+        np.array([law.address for _, law in user_laws], dtype=np.int64),
+        parameters,
     )
 
 

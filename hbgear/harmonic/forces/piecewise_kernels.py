@@ -1,7 +1,7 @@
 """Kernels: crossings, extrema and integrals of the sum of a trigonometric and a piecewise polynomial.
 
     x(theta) = Re sum_k c_k exp(i k theta) + w(theta) - level
-    w(theta) = sum_q coefficients[i, q] (theta - at[i])^q on segment i
+    w(theta) = sum_q coefficients[i, q] (theta - starts[i])^q on segment i
 
 Each segment is divided into cells no longer than the sampling step of the model. x is smooth in each cell, so that its
 crossings and extrema are computed as in `hbgear.harmonic.forces.switching_times`. The arrays of segments are described
@@ -35,15 +35,15 @@ _NODES, _WEIGHTS = rule()
 def fill_gap(piecewise: Any, coefficients: Any, j: int, c: Any) -> None:
     """Store the one-sided coefficients of displacement j in the first entries of c; the motion has (2H + 1,) real ones.
 
-    If the prescribed displacement has breakpoints, its harmonics `PiecewiseExcitation.kept` are added. The rest of
+    If the prescribed displacement has breakpoints, its harmonics `PiecewiseExcitation.retained` are added. The rest of
     the gap is the piecewise polynomial w.
     """
     fill_one_sided(coefficients, c)
     if piecewise is None:
         return
-    if piecewise.moves[j] < piecewise.moves[j + 1]:
-        for k in range(min(coefficients.shape[0] // 2 + 1, piecewise.kept.shape[0])):
-            c[k] += piecewise.kept[k, j]
+    if piecewise.gap_offsets[j] < piecewise.gap_offsets[j + 1]:
+        for k in range(min(coefficients.shape[0] // 2 + 1, piecewise.retained.shape[0])):
+            c[k] += piecewise.retained[k, j]
 
 
 @kernel
@@ -51,7 +51,7 @@ def has_segments(piecewise: Any, j: int) -> bool:
     """Return whether the gap of displacement j has segments."""
     if piecewise is None:
         return False
-    return bool(piecewise.moves[j] < piecewise.moves[j + 1])
+    return bool(piecewise.gap_offsets[j] < piecewise.gap_offsets[j + 1])
 
 
 @kernel
@@ -59,10 +59,10 @@ def sizes_of(piecewise: Any) -> tuple[int, int, int]:
     """Return the numbers of breakpoints in a period, of segments of a gap at most, and of coefficients."""
     if piecewise is None:
         return 0, 0, 0
-    max_segments = piecewise.moves[1] - piecewise.moves[0]
-    for j in range(piecewise.moves.shape[0] - 1):
-        max_segments = max(max_segments, piecewise.moves[j + 1] - piecewise.moves[j])
-    return piecewise.phases.shape[0], max_segments, piecewise.pulled.shape[1]
+    max_segments = piecewise.gap_offsets[1] - piecewise.gap_offsets[0]
+    for j in range(piecewise.gap_offsets.shape[0] - 1):
+        max_segments = max(max_segments, piecewise.gap_offsets[j + 1] - piecewise.gap_offsets[j])
+    return piecewise.phases.shape[0], max_segments, piecewise.gap_force.shape[1]
 
 
 @kernel
@@ -80,10 +80,10 @@ def highest_gap(piecewise: Any, j: int, side: float, c: Any, samples: Any) -> tu
     c, samples : results of `sampled_gap`.
     """
     if piecewise is not None:
-        first, last = piecewise.moves[j], piecewise.moves[j + 1]
+        first, last = piecewise.gap_offsets[j], piecewise.gap_offsets[j + 1]
         if first < last:
             return highest_on(
-                c, piecewise.at, piecewise.coefficients, piecewise.broken, first, last, samples.shape[0], side
+                c, piecewise.gap_starts, piecewise.coefficients, piecewise.has_jump, first, last, samples.shape[0], side
             )
     return highest(c, samples, side)
 
@@ -95,10 +95,10 @@ def crossings_of(piecewise: Any, j: int, level: float, c: Any, samples: Any, the
     Return their number, and whether the gap is above the level at phase 0. c, samples : results of `sampled_gap`.
     """
     if piecewise is not None:
-        first, last = piecewise.moves[j], piecewise.moves[j + 1]
+        first, last = piecewise.gap_offsets[j], piecewise.gap_offsets[j + 1]
         if first < last:
             return crossings_on(
-                c, level, piecewise.at, piecewise.coefficients, first, last, samples.shape[0], theta, sign
+                c, level, piecewise.gap_starts, piecewise.coefficients, first, last, samples.shape[0], theta, sign
             )
     return crossings(c, level, samples, theta, sign), samples[0] > level
 
@@ -154,34 +154,34 @@ def crossings_of_moving(
         return 0, True
     if mean + bound + piecewise.bounds[j, 1] < 0.0:
         return 0, False
-    first, last, at, coefficients, N = (
-        piecewise.moves[j],
-        piecewise.moves[j + 1],
-        piecewise.at,
+    first, last, starts, coefficients, N = (
+        piecewise.gap_offsets[j],
+        piecewise.gap_offsets[j + 1],
+        piecewise.gap_starts,
         piecewise.coefficients,
         motion.shape[1],
     )
     count: Any = np.int64(0)  # a literal would compile each called kernel a second time
     step = 2 * math.pi / N
-    before, slope, _ = value_on(c, 0.0, coefficients[first], at[first], 0.0)
+    before, slope, _ = value_on(c, 0.0, coefficients[first], starts[first], 0.0)
     above = before > 0.0
     for i in range(first, last):
-        end = at[i + 1] if i + 1 < last else 2 * math.pi
+        end = starts[i + 1] if i + 1 < last else 2 * math.pi
         if i > first:
-            value, slope, _ = value_on(c, 0.0, coefficients[i], at[i], at[i])
-            if piecewise.broken[i]:
-                count = _add_jump(before, value, at[i], theta, sign, count)
+            value, slope, _ = value_on(c, 0.0, coefficients[i], starts[i], starts[i])
+            if piecewise.has_jump[i]:
+                count = _add_jump(before, value, starts[i], theta, sign, count)
                 before = value
-        if piecewise.idle[i]:
-            value = value_on(c, 0.0, coefficients[i], at[i], end)[0]
-            count = _add_jump(before, value, at[i], theta, sign, count)
+        if piecewise.inactive[i]:
+            value = value_on(c, 0.0, coefficients[i], starts[i], end)[0]
+            count = _add_jump(before, value, starts[i], theta, sign, count)
             before = value
             continue
-        a, n = at[i], int(at[i] / step) + 1
+        a, n = starts[i], int(starts[i] / step) + 1
         while a < end:
             b = step * n
             if b < end - 1e-9 * step and n < N:
-                y = b - at[i]
+                y = b - starts[i]
                 after = (
                     motion[0, n]
                     + coefficients[i, 0]
@@ -192,10 +192,10 @@ def crossings_of_moving(
                 )
             else:
                 b = end
-                after, slope_after, _ = value_on(c, 0.0, coefficients[i], at[i], end)
+                after, slope_after, _ = value_on(c, 0.0, coefficients[i], starts[i], end)
             after = off_level(after, before, 0.0)
             count = _add_crossings_in_cell(
-                c, 0.0, coefficients[i], at[i], a, before, slope, b, after, slope_after, theta, sign, count
+                c, 0.0, coefficients[i], starts[i], a, before, slope, b, after, slope_after, theta, sign, count
             )
             a, before, slope = b, after, slope_after
             n += 1
@@ -203,21 +203,21 @@ def crossings_of_moving(
 
 
 @kernel
-def _add_jump(before: float, after: float, at: float, theta: Any, sign: Any, count: int) -> int:
+def _add_jump(before: float, after: float, phase: float, theta: Any, sign: Any, count: int) -> int:
     """Append a crossing at a phase if the values before and after it differ in sign; return the updated count."""
     if (before > 0.0) == (after > 0.0) or count >= theta.shape[0]:
         return count
-    theta[count], sign[count] = at, 1 if after > before else -1
+    theta[count], sign[count] = phase, 1 if after > before else -1
     return count + 1
 
 
 @kernel
-def segment_of(at: Any, first: int, last: int, theta: float) -> int:
+def segment_of(starts: Any, first: int, last: int, theta: float) -> int:
     """Return the index of the segment, from first to last - 1, that contains a phase in [0, 2 pi]."""
     low, high = first, last
     while high - low > 1:
         middle = (low + high) // 2
-        if at[middle] <= theta:
+        if starts[middle] <= theta:
             low = middle
         else:
             high = middle
@@ -246,7 +246,7 @@ def value_on(c: Any, level: float, coefficients: Any, start: float, theta: float
 
 @kernel
 def crossings_on(
-    c: Any, level: float, at: Any, coefficients: Any, first: int, last: int, N: int, theta: Any, sign: Any
+    c: Any, level: float, starts: Any, coefficients: Any, first: int, last: int, N: int, theta: Any, sign: Any
 ) -> tuple[int, bool]:
     """Compute the crossings of a level by a gap with segments.
 
@@ -256,7 +256,7 @@ def crossings_on(
         One-sided coefficients of the gap, see `fill_gap`.
     level : float
         Level to be crossed.
-    at : ndarray, shape (T,)
+    starts : ndarray, shape (T,)
         Beginnings of all segments.
     coefficients : ndarray, shape (T, 4)
         Coefficients of all segments.
@@ -277,19 +277,19 @@ def crossings_on(
         Whether the gap is above the level at phase 0.
     """
     count: Any = np.int64(0)  # a literal would compile each called kernel a second time
-    before = start = value_on(c, level, coefficients[first], at[first], 0.0)[0]
+    before = start = value_on(c, level, coefficients[first], starts[first], 0.0)[0]
     for i in range(first, last):
-        end = at[i + 1] if i + 1 < last else 2 * math.pi
-        cells = max(1, math.ceil((end - at[i]) * N / (2 * math.pi)))
-        a, slope = at[i], value_on(c, level, coefficients[i], at[i], at[i])[1]
+        end = starts[i + 1] if i + 1 < last else 2 * math.pi
+        cells = max(1, math.ceil((end - starts[i]) * N / (2 * math.pi)))
+        a, slope = starts[i], value_on(c, level, coefficients[i], starts[i], starts[i])[1]
         for n in range(1, cells + 1):
-            b = end if n == cells else at[i] + (end - at[i]) * n / cells
-            after, slope_after, _ = value_on(c, level, coefficients[i], at[i], b)
+            b = end if n == cells else starts[i] + (end - starts[i]) * n / cells
+            after, slope_after, _ = value_on(c, level, coefficients[i], starts[i], b)
             after = off_level(after, before, level)
             if n == cells and i + 1 == last:
                 after = start  # the phases 0 and 2 pi have the same value
             count = _add_crossings_in_cell(
-                c, level, coefficients[i], at[i], a, before, slope, b, after, slope_after, theta, sign, count
+                c, level, coefficients[i], starts[i], a, before, slope, b, after, slope_after, theta, sign, count
             )
             a, before, slope = b, after, slope_after
     return count, start > 0.0
@@ -311,18 +311,18 @@ def _add_crossings_in_cell(
         x, value = a, before
         for k in range(1, CELL_PARTS + 1):
             y = a + (b - a) * k / CELL_PARTS
-            other = after if k == CELL_PARTS else value_on(c, level, coefficients, start, y)[0]
-            if (value > 0.0) != (other > 0.0):
-                count = _add_crossing(c, level, coefficients, start, x, value, y, other, theta, sign, count)
-            x, value = y, other
+            value_y = after if k == CELL_PARTS else value_on(c, level, coefficients, start, y)[0]
+            if (value > 0.0) != (value_y > 0.0):
+                count = _add_crossing(c, level, coefficients, start, x, value, y, value_y, theta, sign, count)
+            x, value = y, value_y
         return count
     side = 1.0 if before > 0.0 else -1.0
     if side * slope < 0.0 and side * slope_after > 0.0:
-        top = _extremum(c, level, coefficients, start, a, b, -side)
-        value = value_on(c, level, coefficients, start, top)[0]
+        peak = _extremum(c, level, coefficients, start, a, b, -side)
+        value = value_on(c, level, coefficients, start, peak)[0]
         if side * value < 0.0 and abs(value) > VALUE_ROUNDING * (1.0 + abs(level)):
-            count = _add_crossing(c, level, coefficients, start, a, before, top, value, theta, sign, count)
-            count = _add_crossing(c, level, coefficients, start, top, value, b, after, theta, sign, count)
+            count = _add_crossing(c, level, coefficients, start, a, before, peak, value, theta, sign, count)
+            count = _add_crossing(c, level, coefficients, start, peak, value, b, after, theta, sign, count)
     return count
 
 
@@ -338,71 +338,71 @@ def _add_crossing(
     if count >= theta.shape[0]:
         return count
     rising = value_high > value_low
-    at = low + (high - low) * value_low / (value_low - value_high)
+    phase = low + (high - low) * value_low / (value_low - value_high)
     for _ in range(80):
-        value, slope, curve = value_on(c, level, coefficients, start, at)
+        value, slope, curve = value_on(c, level, coefficients, start, phase)
         if abs(value) <= VALUE_ROUNDING * (1.0 + abs(level)):
             break
         if (value < 0.0) == rising:
-            low = at
+            low = phase
         else:
-            high = at
-        updated = at - value / slope if slope != 0.0 else low
-        correction = abs(updated - at)
+            high = phase
+        updated = phase - value / slope if slope != 0.0 else low
+        correction = abs(updated - phase)
         if slope != 0.0 and (
             correction <= PHASE_TOLERANCE or abs(curve) * correction * correction <= PHASE_TOLERANCE * abs(slope)
         ):
-            at = min(max(updated, low), high)
+            phase = min(max(updated, low), high)
             break
-        at = updated if low < updated < high else 0.5 * (low + high)
-    theta[count], sign[count] = at, 1 if rising else -1
+        phase = updated if low < updated < high else 0.5 * (low + high)
+    theta[count], sign[count] = phase, 1 if rising else -1
     return count + 1
 
 
 @kernel
 def _extremum(c: Any, level: float, coefficients: Any, start: float, low: float, high: float, side: float) -> float:
     """Return the phase of the maximum of side x between low, where side x rises, and high, where it falls."""
-    at = 0.5 * (low + high)
+    phase = 0.5 * (low + high)
     for _ in range(60):
-        _, slope, curve = value_on(c, level, coefficients, start, at)
+        _, slope, curve = value_on(c, level, coefficients, start, phase)
         if side * slope > 0.0:
-            low = at
+            low = phase
         else:
-            high = at
-        updated = at - slope / curve if curve != 0.0 else low
-        if abs(updated - at) <= 1e-9 or slope == 0.0:  # the error of the maximum is of second order
-            return min(max(updated, low), high) if slope != 0.0 else at
-        at = updated if low < updated < high else 0.5 * (low + high)
-    return at
+            high = phase
+        updated = phase - slope / curve if curve != 0.0 else low
+        if abs(updated - phase) <= 1e-9 or slope == 0.0:  # the error of the maximum is of second order
+            return min(max(updated, low), high) if slope != 0.0 else phase
+        phase = updated if low < updated < high else 0.5 * (low + high)
+    return phase
 
 
 @kernel
 def highest_on(
-    c: Any, at: Any, coefficients: Any, broken: Any, first: int, last: int, N: int, side: float
+    c: Any, starts: Any, coefficients: Any, has_jump: Any, first: int, last: int, N: int, side: float
 ) -> tuple[float, float]:
     """Return the largest value of side x, side +1 or -1, and its phase.
 
     The values at the ends of all cells, on both sides of jumps, and at maxima inside are compared. The arguments are
-    those of `crossings_on`, and broken (T,) : whether x jumps at the beginning of a segment.
+    those of `crossings_on`, and has_jump (T,) : whether x jumps at the beginning of a segment.
     """
     largest, phase = -math.inf, 0.0
     for i in range(first, last):
-        end = at[i + 1] if i + 1 < last else 2 * math.pi
-        cells = max(1, math.ceil((end - at[i]) * N / (2 * math.pi)))
-        a = at[i]
-        value, slope, _ = value_on(c, 0.0, coefficients[i], at[i], a)
+        end = starts[i + 1] if i + 1 < last else 2 * math.pi
+        cells = max(1, math.ceil((end - starts[i]) * N / (2 * math.pi)))
+        a = starts[i]
+        value, slope, _ = value_on(c, 0.0, coefficients[i], starts[i], a)
         for n in range(1, cells + 1):
             if side * value > largest:
                 largest, phase = side * value, a
-            b = end if n == cells else at[i] + (end - at[i]) * n / cells
-            after, slope_after, _ = value_on(c, 0.0, coefficients[i], at[i], b)
+            b = end if n == cells else starts[i] + (end - starts[i]) * n / cells
+            after, slope_after, _ = value_on(c, 0.0, coefficients[i], starts[i], b)
             if side * slope > 0.0 and side * slope_after < 0.0:
-                top = _extremum(c, 0.0, coefficients[i], at[i], a, b, side)
-                height = side * value_on(c, 0.0, coefficients[i], at[i], top)[0]
+                peak = _extremum(c, 0.0, coefficients[i], starts[i], a, b, side)
+                height = side * value_on(c, 0.0, coefficients[i], starts[i], peak)[0]
                 if height > largest:
-                    largest, phase = height, top
+                    largest, phase = height, peak
             a, value, slope = b, after, slope_after
-        if broken[i + 1 if i + 1 < last else first] and side * value > largest:
+        if has_jump[i + 1 if i + 1 < last else first] and side * value > largest:
             largest, phase = side * value, end
     return largest, phase
 
@@ -443,22 +443,26 @@ def spans(
     """
     if piecewise is None:
         return False
-    first, last = piecewise.parts[spring], piecewise.parts[spring + 1]
+    first, last = piecewise.spring_offsets[spring], piecewise.spring_offsets[spring + 1]
     if first == last:
         return False
-    sums, known = piecewise.sums, min(A.shape[0], piecewise.sums.shape[2])
+    sums, length = piecewise.integrals, min(A.shape[0], piecewise.integrals.shape[2])
     for n in range(A.shape[0]):
         A[n] = B[n] = 0j
     if above:
-        for n in range(known):
+        for n in range(length):
             A[n], B[n] = sums[last + spring, 0, n], sums[last + spring, 1, n]
     for j in range(count):
-        i = segment_of(piecewise.begin, first, last, theta[j])
-        for n in range(known):
+        i = segment_of(piecewise.spring_starts, first, last, theta[j])
+        for n in range(length):
             A[n] -= sign[j] * sums[i + spring, 0, n]
             B[n] -= sign[j] * sums[i + spring, 1, n]
-        _add_moments(piecewise.weight[i], piecewise.begin[i], theta[j] - piecewise.begin[i], -sign[j], A, ends)
-        _add_moments(piecewise.pulled[i], piecewise.begin[i], theta[j] - piecewise.begin[i], -sign[j], B, ends)
+        _add_moments(
+            piecewise.stiffness[i], piecewise.spring_starts[i], theta[j] - piecewise.spring_starts[i], -sign[j], A, ends
+        )
+        _add_moments(
+            piecewise.gap_force[i], piecewise.spring_starts[i], theta[j] - piecewise.spring_starts[i], -sign[j], B, ends
+        )
     for n in range(A.shape[0]):
         A[n] /= 2 * math.pi
         B[n] /= 2 * math.pi
@@ -470,11 +474,11 @@ def add_segments(piecewise: Any, j: int, phases: Any, T: int, gap: Any) -> None:
     """Add w of displacement j at the first T phases to ``gap``, if it has segments."""
     if piecewise is None:
         return
-    first, end = piecewise.moves[j], piecewise.moves[j + 1]
-    for n in range(T if first < end else 0):
+    first, last = piecewise.gap_offsets[j], piecewise.gap_offsets[j + 1]
+    for n in range(T if first < last else 0):
         theta = phases[n] % (2 * math.pi)
-        i = segment_of(piecewise.at, first, end, theta)
-        gap[n] += polynomial(piecewise.coefficients[i], theta - piecewise.at[i])
+        i = segment_of(piecewise.gap_starts, first, last, theta)
+        gap[n] += polynomial(piecewise.coefficients[i], theta - piecewise.gap_starts[i])
 
 
 @kernel
@@ -482,11 +486,11 @@ def multiply_stiffness(piecewise: Any, spring: int, phases: Any, T: int, slope: 
     """Multiply slopes at the first T phases by the stiffness of a spring, if it has segments."""
     if piecewise is None:
         return
-    first, end = piecewise.parts[spring], piecewise.parts[spring + 1]
-    for n in range(T if first < end else 0):
+    first, last = piecewise.spring_offsets[spring], piecewise.spring_offsets[spring + 1]
+    for n in range(T if first < last else 0):
         theta = phases[n] % (2 * math.pi)
-        i = segment_of(piecewise.begin, first, end, theta)
-        slope[n] *= polynomial(piecewise.weight[i], theta - piecewise.begin[i])
+        i = segment_of(piecewise.spring_starts, first, last, theta)
+        slope[n] *= polynomial(piecewise.stiffness[i], theta - piecewise.spring_starts[i])
 
 
 @kernel
@@ -497,23 +501,23 @@ def add_contact(piecewise: Any, laws: Any, spring: int, motion: Any, phases: Any
     """
     if piecewise is None:
         return
-    first, last = piecewise.parts[spring], piecewise.parts[spring + 1]
-    j = laws.over[spring]
-    begin, end = piecewise.moves[j], piecewise.moves[j + 1]
-    i, q, before, factor = first, begin, 0.0, laws.series[spring, 0].real
+    first, last = piecewise.spring_offsets[spring], piecewise.spring_offsets[spring + 1]
+    j = laws.spring_displacement[spring]
+    gap_first, gap_last = piecewise.gap_offsets[j], piecewise.gap_offsets[j + 1]
+    i, q, previous, factor = first, gap_first, 0.0, laws.series[spring, 0].real
     for n in range(T):
         theta = phases[n] % (2 * math.pi)
-        if theta < before:
-            i, q = first, begin
-        before = theta
-        while i + 1 < last and piecewise.begin[i + 1] <= theta:
+        if theta < previous:
+            i, q = first, gap_first
+        previous = theta
+        while i + 1 < last and piecewise.spring_starts[i + 1] <= theta:
             i += 1
-        k = factor * polynomial(piecewise.weight[i], theta - piecewise.begin[i])
+        k = factor * polynomial(piecewise.stiffness[i], theta - piecewise.spring_starts[i])
         if k == 0.0:
             continue
-        while q + 1 < end and piecewise.at[q + 1] <= theta:
+        while q + 1 < gap_last and piecewise.gap_starts[q + 1] <= theta:
             q += 1
-        x = motion[n] + polynomial(piecewise.coefficients[q], theta - piecewise.at[q])
+        x = motion[n] + polynomial(piecewise.coefficients[q], theta - piecewise.gap_starts[q])
         out[n] += k * (laws.base[spring, 0] if x <= 0.0 else 1.0 - laws.base[spring, 0])
 
 
@@ -528,17 +532,17 @@ def fill_phases(piecewise: Any, out: Any) -> int:
 
 
 @kernel
-def integrals(at: Any, coefficients: Any, out: Any) -> None:
+def integrals(starts: Any, coefficients: Any, out: Any) -> None:
     """Store int_0^theta f exp(-i n x) dx at the beginning of each segment and at 2 pi in ``out`` (T + 1, L).
 
-    f is the piecewise polynomial with the beginnings at (T,) and the coefficients (T, Q) of its segments.
+    f is the piecewise polynomial with the beginnings starts (T,) and the coefficients (T, Q) of its segments.
     """
     ends = np.empty((2, coefficients.shape[1]))
     out[0] = 0j
-    for i in range(at.shape[0]):
-        width = (at[i + 1] if i + 1 < at.shape[0] else 2 * math.pi) - at[i]
+    for i in range(starts.shape[0]):
+        width = (starts[i + 1] if i + 1 < starts.shape[0] else 2 * math.pi) - starts[i]
         out[i + 1] = out[i]
-        _add_moments(coefficients[i], at[i], width, 1.0, out[i + 1], ends)
+        _add_moments(coefficients[i], starts[i], width, 1.0, out[i + 1], ends)
 
 
 @kernel
@@ -578,10 +582,10 @@ def _add_moments(coefficients: Any, start: float, width: float, factor: float, o
                 derivatives_start[q] = falling_factorial * coefficients[k]
     for n in range(gauss_count, out.shape[0]):
         power, begin, end = complex(0.0, -1.0 / n), 0j, 0j
-        turn = power
+        inverse = power
         for q in range(degree + 1):
             begin += power * derivatives_start[q]
             end += power * derivatives_end[q]
-            power *= turn
+            power *= inverse
         a, b = n * start, n * (start + width)
         out[n] += factor * (begin * complex(math.cos(a), -math.sin(a)) - end * complex(math.cos(b), -math.sin(b)))

@@ -108,8 +108,8 @@ class ProjectionWorkspace(NamedTuple):
 @kernel
 def projection_workspace(packed: Any, m: int, H: int, order: Any) -> Any:
     """Return a `ProjectionWorkspace` for motions of m elements with H harmonics, and kappa up to ``order``."""
-    laws, (_, pieces, degrees) = packed.laws, sizes_of(packed.piecewise)
-    K, C, S = laws.level.shape[0], 2 * H + 4 + 2 * pieces, laws.of.shape[0]
+    laws, (_, breakpoints, degrees) = packed.laws, sizes_of(packed.piecewise)
+    K, C, S = laws.level.shape[0], 2 * H + 4 + 2 * breakpoints, laws.spring_element.shape[0]
     length, coefficients = order + laws.shifts[laws.shifts.shape[0] - 1] + 1, np.empty((3, m, order + 1), np.complex128)
     part, waves = np.empty((2, length), np.complex128), np.empty(H + 1, np.complex128)
     square, both = np.empty(2 * H + 1, np.complex128), np.empty((2, S, length), np.complex128)
@@ -165,7 +165,7 @@ def cross(packed: Any, coefficients: Any, ramped: Any, space: Any) -> None:
         Workspace; theta, sign, number and above are filled.
     """
     laws, samples, c = packed.laws, space.samples, space.waves
-    last = element = -1
+    previous = element = -1
     bound = 0.0
     for i in range(laws.level.shape[0]):
         space.number[i], space.above[i] = 0, False
@@ -175,15 +175,15 @@ def cross(packed: Any, coefficients: Any, ramped: Any, space: Any) -> None:
             continue
         if moving:
             if laws.element[j] != element:
-                element, last = laws.element[j], -1
+                element, previous = laws.element[j], -1
                 fill_gap(packed.piecewise, coefficients[element], j, c)
                 bound = fill_motion(c, space.motion)
             space.number[i], space.above[i] = crossings_of_moving(
                 packed.piecewise, j, c, bound, space.motion, space.theta[i], space.sign[i]
             )
             continue
-        if j != last:
-            last, element = j, -1
+        if j != previous:
+            previous, element = j, -1
             sampled_gap(packed.piecewise, packed.basis, coefficients[j], j, c, samples)
         space.number[i], space.above[i] = crossings_of(
             packed.piecewise, j, laws.level[i], c, samples, space.theta[i], space.sign[i]
@@ -201,7 +201,7 @@ def project(packed: Any, coefficients: Any, space: Any) -> None:
     kappa[:, :] = 0j
     chi[:, :] = 0j
     more[:, :] = 0j
-    if laws.of.shape[0]:
+    if laws.spring_element.shape[0]:
         cross(packed, coefficients, np.bool_(True), space)  # a literal would compile `cross` a second time
         _add_springs(laws, piecewise, space)
     add_sliders(packed.sliders, packed.basis, coefficients, space.slides, kappa, chi)
@@ -209,45 +209,45 @@ def project(packed: Any, coefficients: Any, space: Any) -> None:
         if laws.cubic[j, 0] != 0.0 or laws.cubic[j, 1] != 0.0:
             fill_gap(piecewise, coefficients[j], j, c)
             _add_cubic(c, laws.cubic[j, 0], laws.cubic[j, 1], kappa[j], more[j], space.square)
-            _add_moved_cubic(piecewise, j, c, laws.cubic[j, 0], laws.cubic[j, 1], kappa[j], chi[j], more[j])
-        _add_kept(piecewise, j, kappa[j], chi[j])
+            _add_piecewise_cubic(piecewise, j, c, laws.cubic[j, 0], laws.cubic[j, 1], kappa[j], chi[j], more[j])
+        _add_retained(piecewise, j, kappa[j], chi[j])
 
 
 @inlined
 def _add_springs(laws: Any, piecewise: Any, space: Any) -> None:
     """Add the springs of the table to kappa and chi, computed from the crossings of their breakpoints."""
     theta, sign, count, above = space.theta, space.sign, space.number, space.above
-    s, pull, both, last = space.indicator, space.pull, space.both, -1
+    s, pull, both, previous = space.indicator, space.pull, space.both, -1
     both[:, :, :] = 0j
-    for p in range(laws.of.shape[0]):
+    for p in range(laws.spring_element.shape[0]):
         if not spans(piecewise, p, theta[0], sign[0], np.int64(0), np.bool_(True), s, pull, space.ends):
             both[0, p, 0], both[1, p, 0] = laws.base[p, 0], laws.base[p, 1]
             continue
         for n in range(s.shape[0]):
             both[0, p, n] = laws.base[p, 0] * s[n]
             both[1, p, n] = laws.base[p, 1] * s[n] + laws.base[p, 0] * pull[n]
-    for r in range(laws.at.shape[0]):
-        i, p, D = laws.at[r], laws.part[r], laws.change[r]
+    for r in range(laws.ramp_breakpoint.shape[0]):
+        i, p, D = laws.ramp_breakpoint[r], laws.ramp_spring[r], laws.slope_change[r]
         if spans(piecewise, p, theta[i], sign[i], count[i], above[i], s, pull, space.ends):
-            last = -1
+            previous = -1
             for n in range(s.shape[0]):
                 both[0, p, n] += D * s[n]
                 both[1, p, n] += D * (pull[n] - laws.level[i] * s[n])
             continue
-        if i != last:
+        if i != previous:
             _indicator(theta[i], sign[i], count[i], above[i], s)
-            last = i
+            previous = i
         for n in range(s.shape[0]):
             both[0, p, n] += D * s[n]
             both[1, p, n] -= D * laws.level[i] * s[n]
-    for p in range(laws.of.shape[0]):
-        _modulate(laws.shifts, laws.series[p], both[0, p], space.kappa[laws.of[p]])
-        _modulate(laws.shifts, laws.series[p], both[1, p], space.chi[laws.of[p]])
+    for p in range(laws.spring_element.shape[0]):
+        _modulate(laws.shifts, laws.series[p], both[0, p], space.kappa[laws.spring_element[p]])
+        _modulate(laws.shifts, laws.series[p], both[1, p], space.chi[laws.spring_element[p]])
 
 
 @kernel
-def _add_kept(piecewise: Any, j: int, kappa: Any, chi: Any) -> None:
-    """Add the product of kappa and the harmonics `PiecewiseExcitation.kept` of a displacement to chi.
+def _add_retained(piecewise: Any, j: int, kappa: Any, chi: Any) -> None:
+    """Add the product of kappa and the harmonics `PiecewiseExcitation.retained` of a displacement to chi.
 
     The product is added up to the highest order for which all of its terms are known.
     """
@@ -255,14 +255,14 @@ def _add_kept(piecewise: Any, j: int, kappa: Any, chi: Any) -> None:
         return
     if not has_segments(piecewise, j):
         return
-    kept = piecewise.kept[:, j]
-    H = kept.shape[0] - 1
+    retained = piecewise.retained[:, j]
+    H = retained.shape[0] - 1
     for k in range(chi.shape[0] - H):
-        chi[k] += coefficient(kappa, kept, k)
+        chi[k] += coefficient(kappa, retained, k)
 
 
 @kernel
-def _add_moved_cubic(
+def _add_piecewise_cubic(
     piecewise: Any, j: int, c: Any, k1: float, k3: float, kappa: Any, chi: Any, more: Any
 ) -> None:  # fmt: skip
     """Add the terms of a cubic spring that depend on w, if w has breakpoints.
@@ -273,28 +273,28 @@ def _add_moved_cubic(
         return
     if not has_segments(piecewise, j):
         return
-    w = piecewise.powers[j]  # (3, L) coefficients of w, w^2, w^3
+    w = piecewise.gap_powers[j]  # (3, L) coefficients of w, w^2, w^3
     H = c.shape[0] - 1
     for k in range(min(kappa.shape[0], w.shape[1] - H)):
-        both = coefficient(w[0], c, k)
-        kappa[k] += 3.0 * k3 * (both + w[1, k])
+        tw = coefficient(w[0], c, k)
+        kappa[k] += 3.0 * k3 * (tw + w[1, k])
         chi[k] += k1 * w[0, k] + k3 * w[2, k]
-        more[k] += 3.0 * k3 * both
+        more[k] += 3.0 * k3 * tw
 
 
 @kernel
 def _indicator(theta: Any, sign: Any, count: int, above: bool, s: Any) -> None:
     """Store the coefficients s_n of the indicator function of d > x from its switching times."""
-    share = 1.0 if above else 0.0
+    fraction = 1.0 if above else 0.0
     for n in range(s.shape[0]):
         s[n] = 0.0
     for j in range(count):
-        share -= sign[j] * theta[j] / (2 * math.pi)
+        fraction -= sign[j] * theta[j] / (2 * math.pi)
         z, w = complex(math.cos(theta[j]), -math.sin(theta[j])), complex(sign[j], 0.0)
         for n in range(1, s.shape[0]):
             w = w * z
             s[n] += w
-    s[0] = share
+    s[0] = fraction
     for n in range(1, s.shape[0]):
         s[n] = s[n] * complex(0.0, -1.0 / (2 * math.pi * n))
 
@@ -313,8 +313,8 @@ def _modulate(shifts: Any, series: Any, s: Any, out: Any) -> None:
             continue
         for k in range(out.shape[0]):
             n = k - shift
-            before = s[n] if n >= 0 else s[-n].conjugate()
-            out[k] += a * before + a.conjugate() * s[k + shift]
+            lower = s[n] if n >= 0 else s[-n].conjugate()
+            out[k] += a * lower + a.conjugate() * s[k + shift]
 
 
 @kernel

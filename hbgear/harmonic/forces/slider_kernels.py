@@ -76,7 +76,7 @@ class SliderWorkspace(NamedTuple):
         nan for a slider at rest.
     zone : ndarray, shape (Q, I)
         Zone of the limit, see `FrictionLimit`.
-    lean : ndarray, shape (Q, I)
+    position_slope : ndarray, shape (Q, I)
         Derivative of the position while the slider sticks with respect to the displacement d_n at the onset.
     turn, side, level : ndarray, shape (C,)
         Turning points of one slider, the direction of a crossing there, and the displacements.
@@ -92,7 +92,7 @@ class SliderWorkspace(NamedTuple):
         Working memory for the velocity and the displacement of an element.
     part : ndarray, shape (L,)
         Coefficients of an indicator function.
-    column, line : ndarray, shape (2H + 1,)
+    column, basis_values : ndarray, shape (2H + 1,)
         An indicator function in the real basis, and the values of the basis at a turning point.
     """
 
@@ -106,7 +106,7 @@ class SliderWorkspace(NamedTuple):
     span: Array
     extreme: Array
     zone: np.ndarray
-    lean: Array
+    position_slope: Array
     turn: Array
     side: Array
     level: Array
@@ -120,7 +120,7 @@ class SliderWorkspace(NamedTuple):
     waves: ComplexArray
     part: ComplexArray
     column: Array
-    line: Array
+    basis_values: Array
 
 
 @kernel
@@ -130,7 +130,7 @@ def slider_workspace(sliders: Any, H: int, N: int, length: Any) -> Any:
         return None
     Q, C, width = sliders.element.shape[0], 2 * H + 4, 2 * H + 1
     extra: Any = np.int64(0)
-    if sliders.moves.any():
+    if sliders.varies.any():
         C = C * (3 * sliders.level.shape[1] + 2)
         extra = max(H, sliders.wave.shape[1] - 1)
     intervals = 2 * C + 1
@@ -148,20 +148,20 @@ def slider_workspace(sliders: Any, H: int, N: int, length: Any) -> Any:
 @kernel
 def march(sliders: Any, basis: Any, rows: Any, space: Any) -> None:
     """Compute the stick and slip intervals of all sliders in the steady state of a motion with rows (m, 2H + 1)."""
-    last: Any = np.int64(-1)
-    turns: Any = np.int64(0)
+    previous: Any = np.int64(-1)
+    count: Any = np.int64(0)
     for i in range(sliders.element.shape[0]):
         j = sliders.element[i]
-        if sliders.moves[i]:
-            turns, last = _turns_of_bounds(sliders, i, basis, rows, space), np.int64(-1)
+        if sliders.varies[i]:
+            count, previous = _turns_of_bounds(sliders, i, basis, rows, space), np.int64(-1)
         else:
-            if j != last:
-                turns, last = _turning_points(basis, rows[j], space), j
+            if j != previous:
+                count, previous = _turning_points(basis, rows[j], space), j
             reach = sliders.base[i, 0] / sliders.k[i]
-            for n in range(turns):
+            for n in range(count):
                 space.lower[n], space.upper[n] = space.level[n] - reach, space.level[n] + reach
                 space.after[n], space.ratio[n] = 0, np.nan
-        _march_slider(sliders, i, rows, turns, space)
+        _march_slider(sliders, i, rows, count, space)
 
 
 @inlined
@@ -179,16 +179,16 @@ def _turning_points(basis: Any, row: Any, space: Any) -> int:
 @kernel
 def _zeros_of_slope(basis: Any, space: Any, first: Any) -> Any:
     """Store the turning points of ``space.row``, which is overwritten, from entry ``first`` on; return their number."""
-    velocity, waves, most = space.row, space.waves, 0.0
+    velocity, waves, largest = space.row, space.waves, 0.0
     velocity[0] = 0.0
     for k in range(1, velocity.shape[0] // 2 + 1):
         a = velocity[2 * k - 1]
         velocity[2 * k - 1], velocity[2 * k] = k * velocity[2 * k], -k * a
-        most = max(most, abs(velocity[2 * k - 1]), abs(velocity[2 * k]))
-    if most == 0.0:
+        largest = max(largest, abs(velocity[2 * k - 1]), abs(velocity[2 * k]))
+    if largest == 0.0:
         return np.int64(0)
     for k in range(1, velocity.shape[0]):  # rounding of crossings is absolute
-        velocity[k] /= most
+        velocity[k] /= largest
     sampled(velocity, basis, space.samples)
     fill_one_sided(velocity, waves)
     return crossings(waves, 0.0, space.samples, space.turn[first:], space.side[first:])
@@ -204,32 +204,32 @@ def _turns_of_bounds(sliders: Any, i: int, basis: Any, rows: Any, space: Any) ->
         fill_one_sided(rows[n], space.waves)
         for b in range(sliders.level.shape[1]):
             if math.isfinite(sliders.level[i, b]):
-                found: Any = crossings(
+                added: Any = crossings(
                     space.waves, sliders.level[i, b], space.samples, space.turn[count:], space.side[count:]
                 )
-                count += found
-    for at in range(count):
-        slope = value_of(space.waves, 0.0, space.turn[at])[1]
-        space.ratio[at] = -1.0 / slope if slope != 0.0 else 0.0
-    crossed = count
+                count += added
+    for t in range(count):
+        slope = value_of(space.waves, 0.0, space.turn[t])[1]
+        space.ratio[t] = -1.0 / slope if slope != 0.0 else 0.0
+    crossing_count = count
     for zone in range(sliders.gain.shape[1]):
         if not _has_limit(sliders, i, zone):
             continue
         for side in (-1.0, 1.0):
             _fill_bound(sliders, i, zone, side, rows, space.row)
-            found = _zeros_of_slope(basis, space, count)
-            for at in range(count, count + found):
-                if _zone_at(sliders, i, rows, space.turn[at]) == zone:
-                    space.turn[count], space.ratio[count] = space.turn[at], np.nan
+            added = _zeros_of_slope(basis, space, count)
+            for t in range(count, count + added):
+                if _zone_at(sliders, i, rows, space.turn[t]) == zone:
+                    space.turn[count], space.ratio[count] = space.turn[t], np.nan
                     count += 1
-    for at in range(crossed):
-        space.ratio[at] *= _value(rows[j], space.turn[at])[1]
+    for t in range(crossing_count):
+        space.ratio[t] *= _value(rows[j], space.turn[t])[1]
     _sort_turns(count, space)
-    for at in range(count):
-        end = space.turn[at + 1] if at + 1 < count else space.turn[0] + 2 * math.pi
-        zone = _zone_at(sliders, i, rows, 0.5 * (space.turn[at] + end))
-        d, reach = _value(rows[j], space.turn[at])[0], _reach_at(sliders, i, zone, rows, space.turn[at])
-        space.after[at], space.lower[at], space.upper[at] = zone, d - reach, d + reach
+    for t in range(count):
+        end = space.turn[t + 1] if t + 1 < count else space.turn[0] + 2 * math.pi
+        zone = _zone_at(sliders, i, rows, 0.5 * (space.turn[t] + end))
+        d, reach = _value(rows[j], space.turn[t])[0], _reach_at(sliders, i, zone, rows, space.turn[t])
+        space.after[t], space.lower[t], space.upper[t] = zone, d - reach, d + reach
     return int(count)
 
 
@@ -238,11 +238,11 @@ def _sort_turns(count: int, space: Any) -> None:
     """Sort turning points by phase."""
     turn, ratio = space.turn, space.ratio
     for i in range(1, count):
-        at, own, k = turn[i], ratio[i], i
-        while k > 0 and turn[k - 1] > at:
+        phase, own, k = turn[i], ratio[i], i
+        while k > 0 and turn[k - 1] > phase:
             turn[k], ratio[k] = turn[k - 1], ratio[k - 1]
             k -= 1
-        turn[k], ratio[k] = at, own
+        turn[k], ratio[k] = phase, own
 
 
 @kernel
@@ -304,17 +304,17 @@ def _reach_at(sliders: Any, i: int, zone: int, rows: Any, theta: float) -> float
 @kernel
 def _march_slider(sliders: Any, i: int, rows: Any, turns: int, space: Any) -> None:
     """Store the intervals of slider i, which starts at its residual position."""
-    turn, lower, upper, z, onset, lean = space.turn, space.lower, space.upper, sliders.residual[i], -1.0, 0.0
+    turn, lower, upper, z, onset, slope = space.turn, space.lower, space.upper, sliders.residual[i], -1.0, 0.0
     space.number[i], space.slips[i] = 0, False
     if turns < 2:
         _rest(sliders, i, rows, space)
         return
     for n in range(turns + 1):  # the first pass, from the residual position
-        here, before = n if n < turns else 0, space.after[n - 1 if n else turns - 1]
-        side = _overrun(z, lower[here], upper[here])
+        current, before = n if n < turns else 0, space.after[n - 1 if n else turns - 1]
+        side = _overrun(z, lower[current], upper[current])
         if side != 0 or not _has_limit(sliders, i, before):
-            z, onset = lower[here] if side >= 0 else upper[here], turn[here]
-            lean = _lean(sliders, i, before, side, space.ratio[here])
+            z, onset = lower[current] if side >= 0 else upper[current], turn[current]
+            slope = _position_slope(sliders, i, before, side, space.ratio[current])
     highest, lowest = 0, 0
     for n in range(1, turns):
         highest, lowest = n if lower[n] > lower[highest] else highest, n if upper[n] < upper[lowest] else lowest
@@ -322,37 +322,37 @@ def _march_slider(sliders: Any, i: int, rows: Any, turns: int, space: Any) -> No
     space.extreme[i, 0], space.extreme[i, 1] = turn[highest], turn[lowest]
     begin = turn[0]
     for n in range(turns):
-        after, zone = n + 1 if n + 1 < turns else 0, space.after[n]
-        end = turn[after] + (2 * math.pi if after == 0 else 0.0)
-        side = _overrun(z, lower[after], upper[after])
+        following, zone = n + 1 if n + 1 < turns else 0, space.after[n]
+        end = turn[following] + (2 * math.pi if following == 0 else 0.0)
+        side = _overrun(z, lower[following], upper[following])
         is_open = not _has_limit(sliders, i, zone)
         if side == 0 and not is_open:
             continue
-        at = turn[n]
+        slip_begin = turn[n]
         if not is_open and z != (lower[n] if side > 0 else upper[n]):
-            at = _slip_begin(sliders, i, zone, side, z, turn[n], end, rows, space)
-        _append(i, begin, at, np.int64(STICK), z, onset, lean, zone, space)
-        _append(i, at, end, np.int64(OPEN if is_open else side), z, onset, lean, zone, space)
-        z, onset, begin = lower[after] if side >= 0 else upper[after], turn[after], end
-        lean = _lean(sliders, i, zone, side, space.ratio[after])
+            slip_begin = _slip_begin(sliders, i, zone, side, z, turn[n], end, rows, space)
+        _append(i, begin, slip_begin, np.int64(STICK), z, onset, slope, zone, space)
+        _append(i, slip_begin, end, np.int64(OPEN if is_open else side), z, onset, slope, zone, space)
+        z, onset, begin = lower[following] if side >= 0 else upper[following], turn[following], end
+        slope = _position_slope(sliders, i, zone, side, space.ratio[following])
         space.slips[i] = True
-    _append(i, begin, turn[0] + 2 * math.pi, np.int64(STICK), z, onset, lean, space.after[turns - 1], space)
+    _append(i, begin, turn[0] + 2 * math.pi, np.int64(STICK), z, onset, slope, space.after[turns - 1], space)
 
 
 @kernel
 def _rest(sliders: Any, i: int, rows: Any, space: Any) -> None:
     """Store the only interval of a slider at rest, which sticks where the constant displacement has moved it."""
-    d, z, onset, lean = rows[sliders.element[i], 0], sliders.residual[i], -1.0, 0.0
+    d, z, onset, slope = rows[sliders.element[i], 0], sliders.residual[i], -1.0, 0.0
     zone = _zone_at(sliders, i, rows, 0.0)
     reach = _reach_at(sliders, i, zone, rows, 0.0)
     side = _overrun(z, d - reach, d + reach)
     if side != 0:
-        z, onset, lean = d - side * reach, 0.0, _lean(sliders, i, zone, side, np.nan)
+        z, onset, slope = d - side * reach, 0.0, _position_slope(sliders, i, zone, side, np.nan)
     is_open = not _has_limit(sliders, i, zone)
     space.span[i] = -2.0 * reach
     space.extreme[i, :] = np.nan
     kind = np.int64(OPEN if is_open else STICK)
-    _append(i, 0.0, 2 * math.pi, kind, z, onset, lean, zone, space)
+    _append(i, 0.0, 2 * math.pi, kind, z, onset, slope, zone, space)
 
 
 @kernel
@@ -364,21 +364,21 @@ def _overrun(z: float, lower: float, upper: float) -> int:
 
 
 @kernel
-def _lean(sliders: Any, i: int, zone: int, side: int, ratio: float) -> float:
+def _position_slope(sliders: Any, i: int, zone: int, side: int, ratio: float) -> float:
     """Return the derivative of the position with respect to d_n where a slip in a zone ends."""
     return ratio if math.isfinite(ratio) else -side * sliders.gain[i, zone] / sliders.k[i]
 
 
 @kernel
 def _append(
-    i: int, begin: float, end: float, kind: Any, z: float, onset: float, lean: float, zone: int, space: Any
+    i: int, begin: float, end: float, kind: Any, z: float, onset: float, slope: float, zone: int, space: Any
 ) -> None:
     """Append an interval to those of slider i, unless it is empty."""
     n = space.number[i]
     if not end > begin or n >= space.begin.shape[1]:
         return
     space.begin[i, n], space.end[i, n], space.kind[i, n], space.zone[i, n] = begin, end, kind, zone
-    space.position[i, n], space.onset[i, n], space.lean[i, n] = z, onset, lean
+    space.position[i, n], space.onset[i, n], space.position_slope[i, n] = z, onset, slope
     space.number[i] = n + 1
 
 
@@ -395,20 +395,20 @@ def _slip_begin(
 @kernel
 def _reached(c: Any, level: float, low: float, high: float, side: int) -> float:
     """Return the phase at which a motion that is monotonic in low < theta < high reaches a level near ``high``."""
-    at = 0.5 * (low + high)
+    phase = 0.5 * (low + high)
     for _ in range(MAX_ROOT_ITERATIONS):
-        value, slope, _ = value_of(c, level, at)
+        value, slope, _ = value_of(c, level, phase)
         if abs(value) <= VALUE_ROUNDING * abs(level):
             break
         if side * value < 0.0:
-            low = at
+            low = phase
         else:
-            high = at
-        updated = at - value / slope if slope != 0.0 else low
-        if abs(updated - at) <= PHASE_TOLERANCE:
+            high = phase
+        updated = phase - value / slope if slope != 0.0 else low
+        if abs(updated - phase) <= PHASE_TOLERANCE:
             break
-        at = updated if low < updated < high else 0.5 * (low + high)
-    return at
+        phase = updated if low < updated < high else 0.5 * (low + high)
+    return phase
 
 
 @kernel
@@ -436,7 +436,7 @@ def add_sliders(sliders: Any, basis: Any, rows: Any, space: Any, kappa: Any, chi
             kind = space.kind[i, p]
             if kind == OPEN:
                 continue
-            _indicator(space.begin[i, p], space.end[i, p], s, s.shape[0] if sliders.moves[i] else length)
+            _indicator(space.begin[i, p], space.end[i, p], s, s.shape[0] if sliders.varies[i] else length)
             if kind == STICK:
                 k, constant = sliders.k[i], -sliders.k[i] * space.position[i, p]
                 for n in range(length):
@@ -455,7 +455,7 @@ def _add_slip(sliders: Any, i: int, kind: int, zone: int, s: Any, chi: Any, cros
     """Add the force of a slip, kind limit, in an interval with the indicator s; its part in d_n to ``cross``."""
     for n in range(chi.shape[0]):
         chi[n] += kind * sliders.base[i, zone] * s[n]
-    if not sliders.moves[i]:
+    if not sliders.varies[i]:
         return
     if sliders.normal[i] < 0:
         for n in range(chi.shape[0]):
@@ -470,28 +470,28 @@ def add_memory(sliders: Any, space: Any, orders: Any, J: Any) -> None:
     if sliders is None:
         return
     K, n = orders.shape[0], 2 * orders.shape[0] - 1
-    s, column, line = space.part, space.column, space.line
+    s, column, basis_values = space.part, space.column, space.basis_values
     for i in range(sliders.element.shape[0]):
-        at, other = sliders.element[i] * n, sliders.normal[i] * n
-        if other >= 0:
-            add_product(space.cross[i], orders, J[at : at + n, other : other + n])
+        row_start, normal_start = sliders.element[i] * n, sliders.normal[i] * n
+        if normal_start >= 0:
+            add_product(space.cross[i], orders, J[row_start : row_start + n, normal_start : normal_start + n])
         for p in range(space.number[i]):
-            onset, lean = space.onset[i, p], space.lean[i, p]
+            onset, slope = space.onset[i, p], space.position_slope[i, p]
             if space.kind[i, p] != STICK or onset < 0.0:
                 continue
             _indicator(space.begin[i, p], space.end[i, p], s, orders[K - 1] + 1)
-            column[0], line[0] = sliders.k[i] * s[0].real, 1.0
+            column[0], basis_values[0] = sliders.k[i] * s[0].real, 1.0
             for q in range(1, K):
                 k = orders[q]
                 column[2 * q - 1], column[2 * q] = 2 * sliders.k[i] * s[k].real, -2 * sliders.k[i] * s[k].imag
-                line[2 * q - 1], line[2 * q] = math.cos(k * onset), math.sin(k * onset)
+                basis_values[2 * q - 1], basis_values[2 * q] = math.cos(k * onset), math.sin(k * onset)
             for a in range(n):
                 for b in range(n):
-                    J[at + a, at + b] -= column[a] * line[b]
-            if other >= 0 and lean != 0.0:
+                    J[row_start + a, row_start + b] -= column[a] * basis_values[b]
+            if normal_start >= 0 and slope != 0.0:
                 for a in range(n):
                     for b in range(n):
-                        J[at + a, other + b] -= lean * column[a] * line[b]
+                        J[row_start + a, normal_start + b] -= slope * column[a] * basis_values[b]
 
 
 @kernel
@@ -502,11 +502,11 @@ def insert_events(sliders: Any, basis: Any, rows: Any, space: Any, out: Any, n: 
     march(sliders, basis, rows, space)
     for i in range(sliders.element.shape[0]):
         for p in range(space.number[i] if space.slips[i] else 0):
-            at, k = space.begin[i, p] % (2 * math.pi), n
-            while k > 0 and out[k - 1] > at:
+            phase, k = space.begin[i, p] % (2 * math.pi), n
+            while k > 0 and out[k - 1] > phase:
                 out[k] = out[k - 1]
                 k -= 1
-            out[k] = at
+            out[k] = phase
             n += 1
     return n
 
@@ -514,11 +514,11 @@ def insert_events(sliders: Any, basis: Any, rows: Any, space: Any, out: Any, n: 
 @kernel
 def interval_at(count: int, begin: Any, theta: float) -> int:
     """Return the one of ``count`` intervals of a slider that contains a phase; see `SliderWorkspace`."""
-    at = theta % (2 * math.pi)
-    if at < begin[0]:
-        at += 2 * math.pi
+    phase = theta % (2 * math.pi)
+    if phase < begin[0]:
+        phase += 2 * math.pi
     for p in range(count - 1, -1, -1):
-        if at >= begin[p]:
+        if phase >= begin[p]:
             return p
     return 0
 

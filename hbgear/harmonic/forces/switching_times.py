@@ -121,20 +121,20 @@ def _add_crossings_at_extremum(
 
     The extremum is located by Newton's method. Return the new count.
     """
-    at = step * i
+    phase = step * i
     for _ in range(5):
-        _, slope, curve = value_of(c, level, at)
+        _, slope, curve = value_of(c, level, phase)
         if curve != 0.0:
-            at += min(step, max(-step, -slope / curve))
-    value = value_of(c, level, at)[0]
+            phase += min(step, max(-step, -slope / curve))
+    value = value_of(c, level, phase)[0]
     # a value within rounding errors of the level does not count as a crossing
     exceeds = (value > 0.0) != (value_i > 0.0) and abs(value) > VALUE_ROUNDING * (1.0 + abs(level))
-    if not exceeds or abs(at - step * i) > step:
+    if not exceeds or abs(phase - step * i) > step:
         return count
-    at %= 2 * math.pi
-    low = math.floor(at / step) * step
+    phase %= 2 * math.pi
+    low = math.floor(phase / step) * step
     high = low + step
-    ends = low, at, high
+    ends = low, phase, high
     for k in range(2):
         a, b = ends[k], ends[k + 1]
         value_a, slope_a, _ = value_of(c, level, a)
@@ -155,25 +155,25 @@ def _add_crossing(
     if count >= theta.shape[0]:
         return count
     rising = value_high > value_low
-    at = _initial_guess(low, value_low, slope_low, high, value_high, slope_high)
+    phase = _initial_guess(low, value_low, slope_low, high, value_high, slope_high)
     for _ in range(60):
-        value, slope, _ = value_of(c, level, at)
+        value, slope, _ = value_of(c, level, phase)
         if abs(value) <= VALUE_ROUNDING * (1.0 + abs(level)):
             break  # near a double root, Newton's method would diverge on rounding errors
         if (value < 0.0) == rising:
-            low = at
+            low = phase
         else:
-            high = at
-        updated = at - value / slope if slope != 0.0 else low
-        correction = abs(updated - at)
+            high = phase
+        updated = phase - value / slope if slope != 0.0 else low
+        correction = abs(updated - phase)
         # the error that remains is at most about half of bend correction^2 / |slope|
         if slope != 0.0 and (
             correction <= PHASE_TOLERANCE or bend * correction * correction <= PHASE_TOLERANCE * abs(slope)
         ):
-            at = min(max(updated, low), high)
+            phase = min(max(updated, low), high)
             break
-        at = updated if low < updated < high else 0.5 * (low + high)
-    theta[count], sign[count] = at, 1 if rising else -1
+        phase = updated if low < updated < high else 0.5 * (low + high)
+    theta[count], sign[count] = phase, 1 if rising else -1
     return count + 1
 
 
@@ -196,8 +196,8 @@ def _initial_guess(
 def _sort_by_phase(theta: Any, sign: Any, count: int) -> None:
     """Sort crossings by phase; an insertion sort is fast, because they are almost sorted."""
     for i in range(1, count):
-        at, direction, j = theta[i], sign[i], i
-        while j > 0 and theta[j - 1] > at:
+        phase, direction, j = theta[i], sign[i], i
+        while j > 0 and theta[j - 1] > phase:
             theta[j], sign[j] = theta[j - 1], sign[j - 1]
             j -= 1
-        theta[j], sign[j] = at, direction
+        theta[j], sign[j] = phase, direction

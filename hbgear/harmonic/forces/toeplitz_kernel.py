@@ -21,8 +21,8 @@ def add_product(kappa: Any, orders: Any, T: Any) -> None:
         T[2 * k - 1, 0] += 2 * r
         T[2 * k, 0] -= 2 * s
         for i in range(1, k + 1):
-            apart, both = kappa[orders[k] - orders[i]], kappa[orders[k] + orders[i]]
-            r, s, p, q = apart.real, apart.imag, both.real, both.imag
+            difference, total = kappa[orders[k] - orders[i]], kappa[orders[k] + orders[i]]
+            r, s, p, q = difference.real, difference.imag, total.real, total.imag
             T[2 * k - 1, 2 * i - 1] += r + p
             T[2 * k - 1, 2 * i] += s - q
             T[2 * k, 2 * i - 1] -= s + q

@@ -370,7 +370,7 @@ def _has_constant_segments(packed: Any) -> bool:
     """Return whether the stiffness of all elements is constant between breakpoints."""
     laws, piecewise = packed.laws, packed.piecewise
     constant = not laws.cubic[:, 1].any() and len(laws.shifts) == 1
-    return constant and (piecewise is None or not piecewise.weight[:, 1:].any())
+    return constant and (piecewise is None or not piecewise.stiffness[:, 1:].any())
 
 
 def _scheme(points: int, width: float) -> tuple[Array, Array, float, float]:

@@ -10,8 +10,8 @@ If D is constant in each segment, the exact flow of `constant_flow` replaces the
 
 A friction slider has one more state, the disturbance y of its position. While it sticks, u = (D + k) d - k y and y is
 constant. While it slips, its force does not change, or is proportional to the displacement d_n of a normal force. Where
-it begins to stick, y = d + lean d_n (`SliderWorkspace.lean`); no other saltation is needed, because the force is
-continuous. The last columns and rows of the matrix are those of the sliders. A
+it begins to stick, y = d + slope d_n (`SliderWorkspace.position_slope`); no other saltation is needed, because the
+force is continuous. The last columns and rows of the matrix are those of the sliders. A
 slider that never slips has a prescribed position: its column is zero instead of a multiplier +1.
 """
 
@@ -218,10 +218,10 @@ def add_stiffness(packed: Any, c: Any, j: int, phases: Any, T: int, work: Any, o
     add_segments(packed.piecewise, j, phases[0], T, gap)
     for n in range(T):
         out[n] += laws.cubic[j, 0] + 3 * laws.cubic[j, 1] * gap[n] * gap[n]
-    for s in range(laws.of.shape[0]):
-        if laws.of[s] != j:
+    for s in range(laws.spring_element.shape[0]):
+        if laws.spring_element[s] != j:
             continue
-        if laws.over[s] != j:
+        if laws.spring_displacement[s] != j:
             add_contact(packed.piecewise, laws, s, motion, phases[0], T, out)
             continue
         _slope(laws, s, gap, T, slope)
@@ -236,9 +236,9 @@ def _slope(laws: Any, s: int, gap: Any, T: int, out: Any) -> None:
     """Compute the slope of a spring of the packed laws, without its stiffness factor."""
     for n in range(T):
         out[n] = laws.base[s, 0]
-    for r in range(laws.at.shape[0]):
-        if laws.part[r] == s:
-            level, change = laws.level[laws.at[r]], laws.change[r]
+    for r in range(laws.ramp_breakpoint.shape[0]):
+        if laws.ramp_spring[r] == s:
+            level, change = laws.level[laws.ramp_breakpoint[r]], laws.slope_change[r]
             for n in range(T):
                 out[n] += change if gap[n] > level else 0.0
 
@@ -402,7 +402,7 @@ def _enter_segment(sliders: Any, slides: Any, phase: float, modes: Any, workspac
         sticks = slides.kind[i, interval] == STICK
         if sticks and not workspace.stuck[i]:
             normal = _port_of(modes.ports, sliders.normal[i])
-            _set_memory(workspace, i, _port_of(modes.ports, sliders.element[i]), normal, slides.lean[i, interval])
+            _set_memory(workspace, i, _port_of(modes.ports, sliders.element[i]), normal, slides.position_slope[i, interval])
         workspace.stuck[i] = sticks
     _fill_slider_forces(sliders, modes, workspace)
 

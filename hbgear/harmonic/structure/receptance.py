@@ -162,7 +162,7 @@ class Receptance:
         self._independent = (
             self._pack(structure.own, structure.accurate_modes) if structure.constrained else self.packed
         )
-        self.truncated = TruncatedExcitation.of(system, self.packed.left, nu)
+        self.truncated = TruncatedExcitation.of(system, self.packed.truncated_orders, nu)
 
     def _pack(self, own: np.ndarray, modal: bool) -> PackedLinearPart:
         """Return the arrays for kernels of the elements ``own``, with the poles of the structure if ``modal``."""

@@ -3,7 +3,7 @@
 G(w) = sum_r a_r b_r^T / (i w - lambda_r),   Z = G^-1 - kr
 
 Poles far above the frequencies, |lambda_r| >= 4 w, are summed as a power series in i w, whose coefficients are computed
-once for several radii (`PackedLinearPart.far`):
+once for several radii (`PackedLinearPart.far_series`):
 
     sum_far a_r b_r^T / (i w - lambda_r) = sum_j c_j (i w / radius)^j
     c_j = -sum_far a_r b_r^T radius^j / lambda_r^(j + 1)
@@ -64,14 +64,14 @@ def _add_far_poles(linear: Any, count: int, w: Any, each: Any, sums: Any) -> int
     z = each[0]
     for i in range(count):
         x, y, u, v = sums[0, i], sums[1, i], sums[2, i], sums[3, i]
-        for j in range(linear.far.shape[1] - 1, -1, -1):
-            c, d = linear.far[band, j, i, 0], linear.far[band, j, i, 1]
+        for j in range(linear.far_series.shape[1] - 1, -1, -1):
+            c, d = linear.far_series[band, j, i, 0], linear.far_series[band, j, i, 1]
             for k in range(w.shape[0]):
                 u[k], v[k] = x[k] - v[k] * z[k], y[k] + u[k] * z[k]
                 x[k], y[k] = c - y[k] * z[k], d + x[k] * z[k]
         for k in range(w.shape[0]):
             u[k], v[k] = -u[k] * scale, -v[k] * scale
-    return int(linear.near[band])
+    return int(linear.near_count[band])
 
 
 @kernel
@@ -137,7 +137,7 @@ def fill_linear_part(
 
     w, each, sums and work are working memory, see `Workspace`.
     """
-    m, orders, springs, moved = matrices.shape[2], linear.orders, linear.springs, linear.moved
+    m, orders, springs, moved = matrices.shape[2], linear.orders, linear.springs, linear.prescribed
     K = orders.shape[0]
     for k in range(K):
         w[k] = Omega * (orders[k] / linear.nu)
