@@ -187,10 +187,10 @@ class HarmonicBalance(PeriodicMotions):
         self, span: tuple[float, float], start: Any, settings: Any, cover: bool, unresolved: bool = False
     ) -> Branch | None:
         """Return a curve of hard stops, which H harmonics do not resolve, in contact instants; else None."""
-        found: Branch | None = call(
+        curve: Branch | None = call(
             "hbgear.harmonic.contact_instants.trace_hard_stops", self, span, start, settings, cover, unresolved
         )
-        return found
+        return curve
 
     # ---- other harmonics
 
@@ -271,9 +271,9 @@ class HarmonicBalance(PeriodicMotions):
     def _compared(self) -> Sequence[tuple[ContinuationProblem, float]]:
         finer = self.refined_problem
         if finer is not None:
-            between = 3 * self.H // 2
-            more = self.selection is None and between > self.H
-            return (*([(self.with_order(self.nu, between), 1.0)] if more else []), (finer, 1.0))
+            intermediate = 3 * self.H // 2
+            is_larger = self.selection is None and intermediate > self.H
+            return (*([(self.with_order(self.nu, intermediate), 1.0)] if is_larger else []), (finer, 1.0))
         fewer = [(3 * self.H // 4, 3 / 4), (self.H // 2, 1 / 2)]
         return tuple((self.with_order(self.nu, H), 1 / (r**-2 - 1)) for H, r in fewer if self.nu <= H < self.H)
 
@@ -282,8 +282,8 @@ class HarmonicBalance(PeriodicMotions):
         layout = point.layout
         if not isinstance(layout, Layout) or (layout.nu == self.nu and layout.harmonics <= self.H):
             return self
-        own = layout.nu, layout.harmonics
-        return self._once("resized", own, lambda: self.with_order(*own))
+        resolution = layout.nu, layout.harmonics
+        return self._once("resized", resolution, lambda: self.with_order(*resolution))
 
     # ---- other samples, springs and loads
 

@@ -37,21 +37,21 @@ def model_of(branch: Branch) -> Model | None:
 
 def scales(model: Model | None, parameters: Mapping[str, float]) -> dict[str, float]:
     """Return Hz and r/min at Omega = 1 with these parameters; an empty dict if the model has no physical scales."""
-    known: Any = model
-    own = getattr(known, "scales", None)
-    if not own and not (hasattr(known, "mesh_frequency") and hasattr(known, "pinion_speed")):
+    source: Any = model
+    physical = getattr(source, "scales", None)
+    if not physical and not (hasattr(source, "mesh_frequency") and hasattr(source, "pinion_speed")):
         return {}
     if parameters:
-        known = known.at(parameters)
-        own = getattr(known, "scales", None)
-    known = own or known
-    return {MESH: float(known.mesh_frequency(1.0)), PINION: float(known.pinion_speed(1.0))}
+        source = source.at(parameters)
+        physical = getattr(source, "scales", None)
+    source = physical or source
+    return {MESH: float(source.mesh_frequency(1.0)), PINION: float(source.pinion_speed(1.0))}
 
 
 def length_scale(model: Model | None, parameters: Mapping[str, float]) -> float | None:
     """Return the unit of element coordinates [m] with these parameters; None if the model has no scales."""
-    own = scales_with(model, parameters)
-    return None if own is None else own.length
+    physical = scales_with(model, parameters)
+    return None if physical is None else physical.length
 
 
 def scales_at(branch: Branch, row: int) -> Scales | None:
@@ -61,8 +61,8 @@ def scales_at(branch: Branch, row: int) -> Scales | None:
 
 def scales_with(model: Model | None, parameters: Mapping[str, float]) -> Scales | None:
     """Return the scales of a model with these parameters; None if it has none."""
-    own = None if model is None else model.scales
-    return own if model is None or own is None or not parameters else model.at(parameters).scales
+    physical = None if model is None else model.scales
+    return physical if model is None or physical is None or not parameters else model.at(parameters).scales
 
 
 def speeds_at(model: Model | None, parameters: Mapping[str, float]) -> dict[str, float]:
@@ -74,31 +74,33 @@ def speeds_at(model: Model | None, parameters: Mapping[str, float]) -> dict[str,
 
 def common_scales(branches: Sequence[Branch]) -> dict[str, float]:
     """Return the `scales` of all points of all branches; an empty dict if they differ, or for other parameters."""
-    found = []
+    scale_sets = []
     for branch in branches:
         if branch.parameter != "Omega" or not len(branch):
             return {}
         model = model_of(branch)
         points = range(len(branch)) if branch.tracked else (0,)
-        found += [scales(model, branch.parameters_at(i)) for i in points]
-    return same_scales(found)
+        scale_sets += [scales(model, branch.parameters_at(i)) for i in points]
+    return same_scales(scale_sets)
 
 
-def same_scales(found: Sequence[dict[str, float]]) -> dict[str, float]:
+def same_scales(scale_sets: Sequence[dict[str, float]]) -> dict[str, float]:
     """Return the first of these `scales` if all are equal, else an empty dict."""
-    first = found[0] if found else {}
-    same = all(one.keys() == first.keys() and np.allclose([*one.values()], [*first.values()]) for one in found)
-    return first if same else {}
+    first = scale_sets[0] if scale_sets else {}
+    equal = all(
+        entry.keys() == first.keys() and np.allclose([*entry.values()], [*first.values()]) for entry in scale_sets
+    )
+    return first if equal else {}
 
 
-def Omega_of(model: Model, what: str, text: str) -> float:
+def Omega_of(model: Model, setting: str, text: str) -> float:
     """Return a frequency as Omega: a number is Omega, r/min is the speed of the pinion, Hz is the mesh frequency.
 
     Parameters
     ----------
     model : Model
         Model with scales for values with units.
-    what : str
+    setting : str
         Name of the option or setting, for messages.
     text : str
         Number or quantity.
@@ -123,23 +125,23 @@ def Omega_of(model: Model, what: str, text: str) -> float:
     try:
         value = float(text)
     except ValueError:
-        return _converted_frequency(model, what, text)
+        return _converted_frequency(model, setting, text)
     if not math.isfinite(value):
-        raise ValueError(f"{what}={text}: need a finite number")
+        raise ValueError(f"{setting}={text}: need a finite number")
     return value
 
 
-def _converted_frequency(model: Model, what: str, text: str) -> float:
+def _converted_frequency(model: Model, setting: str, text: str) -> float:
     """Return a frequency with a unit as Omega."""
-    own = model.scales
-    if own is None:
+    physical = model.scales
+    if physical is None:
         raise ValueError(
-            f"{what} {text}: this model has no scales, so speeds in r/min or Hz are unknown; give Omega, such as 0.9"
+            f"{setting} {text}: this model has no scales, so speeds in r/min or Hz are unknown; give Omega, such as 0.9"
         )
     if text.strip().lower().endswith("hz"):
-        return float(own.from_mesh_frequency(to_si(what, "frequency", text, "Hz")))
+        return float(physical.from_mesh_frequency(to_si(setting, "frequency", text, "Hz")))
     try:
-        rate = to_si(what, "speed", text, "rad/s")
+        rate = to_si(setting, "speed", text, "rad/s")
     except ValueError:
-        raise ValueError(f"{what} {text}: need a speed with its unit, such as {what} 9000r/min") from None
-    return float(own.from_pinion_speed(rate * 30 / math.pi))
+        raise ValueError(f"{setting} {text}: need a speed with its unit, such as {setting} 9000r/min") from None
+    return float(physical.from_pinion_speed(rate * 30 / math.pi))

@@ -60,15 +60,15 @@ MODELS: dict[str, type[Model]] = {
 """Classes of the built-in models by their name on the command line."""
 
 _MODEL_CLASSES: dict[str, type[Model]] = {
-    **{each.__name__: each for each in MODELS.values()}, "Train": Train, "System": System, "DrawnPair": DrawnPair,
+    **{cls.__name__: cls for cls in MODELS.values()}, "Train": Train, "System": System, "DrawnPair": DrawnPair,
     "EpicyclicSet": EpicyclicSet,
     "SystemOfLaws": SystemOfLaws
 }  # fmt: skip
 """Classes of hbgear by name, which a file can be loaded with without naming its model."""
 
 _PART_CLASSES: dict[str, type] = {
-    each.__name__: each
-    for each in (
+    cls.__name__: cls
+    for cls in (
         Gear, GearPair, Support, Wheel, Shaft, Bearing, Mesh, Beam, Housing, MeshCycle, MeshTable, Element, Load,
         SpeedTerms, MatrixTable, Receptances, BenedictKelley, ToothSliding,
     )
@@ -171,9 +171,9 @@ def rebuild_model(meta: Any, cls: type[Model] | None = None) -> Model:
     cls = cls or _MODEL_CLASSES[meta["class"]]
     if meta.get("left_out") and cls in _MODEL_CLASSES.values():
         reasons = meta.get("reasons")
-        why = f" ({'; '.join(map(str, reasons.values()))[:300]})" if isinstance(reasons, Mapping) else ""
+        details = f" ({'; '.join(map(str, reasons.values()))[:300]})" if isinstance(reasons, Mapping) else ""
         raise ValueError(
-            f"the file of this {cls.__name__} does not hold its {str(meta['left_out'])[:80]}{why}: load it with "
+            f"the file of this {cls.__name__} does not hold its {str(meta['left_out'])[:80]}{details}: load it with "
             "problem=..."
         )
     fields = fields_from_plain(meta["fields"])
@@ -231,7 +231,7 @@ def rebuild_problem(meta: Mapping[str, Any], cls: type[Model] | None = None) -> 
         return ContactInstants(model, int(settings["harmonics"]), int(settings["nu"]))
     auto = settings.pop("auto")
     if settings["orders"] is not None:
-        settings["orders"] = HarmonicSelection(**{name: tuple(some) for name, some in settings["orders"].items()})
+        settings["orders"] = HarmonicSelection(**{name: tuple(numbers) for name, numbers in settings["orders"].items()})
     if "torus" in meta:
         return _torus_problem(meta["torus"], model, settings)  # type: ignore[return-value]
     out = HarmonicBalance(model, **settings)
@@ -270,12 +270,12 @@ def _model_and_settings(meta: Mapping[str, Any], cls: type[Model] | None) -> tup
 
 def _torus_problem(torus: Any, model: Model, settings: dict[str, Any]) -> TorusProblem:
     """Return the problem of tori from its description; raise ValueError if it is invalid."""
-    known = {"odd", "dense", "harmonics"}
-    valid = isinstance(torus, Mapping) and set(torus) in (known, known | {"ratio", "load", "elements", "band", "half"})
+    keys = {"odd", "dense", "harmonics"}
+    valid = isinstance(torus, Mapping) and set(torus) in (keys, keys | {"ratio", "load", "elements", "band", "half"})
     if not valid or not (type(torus["odd"]) is bool and type(torus["dense"]) is int and 1 <= torus["dense"] <= 100):
-        raise ValueError(f"tori are described by {', '.join(sorted(known))}, got {str(torus)[:80]}")
+        raise ValueError(f"tori are described by {', '.join(sorted(keys))}, got {str(torus)[:80]}")
     H = torus["harmonics"]
-    if not (isinstance(H, list) and len(H) == 2 and all(type(each) is int and 1 <= each <= 200 for each in H)):
+    if not (isinstance(H, list) and len(H) == 2 and all(type(count) is int and 1 <= count <= 200 for count in H)):
         raise ValueError(f"the harmonics of tori are two whole numbers, got {str(H)[:40]}")
     if "ratio" not in torus:
         return TorusProblem(
@@ -315,6 +315,6 @@ def _are_orders(orders: Any) -> bool:
     if not isinstance(orders, Mapping) or set(orders) not in ({"tones"}, {"given"}, {"given", "more"}):
         return False
     return all(
-        isinstance(some, list) and 1 <= len(some) <= HIGHEST and all(type(k) is int and 1 <= k <= HIGHEST for k in some)
-        for some in orders.values()
+        isinstance(row, list) and 1 <= len(row) <= HIGHEST and all(type(k) is int and 1 <= k <= HIGHEST for k in row)
+        for row in orders.values()
     )
