@@ -28,8 +28,8 @@ from hbgear.mechanics.series.fourier import places, to_real
 from hbgear.mechanics.series.real_basis import derivative
 
 
-def find_motion(problem: Any, here: dict[str, float]) -> Array:
-    """Return a periodic motion at the parameters ``here`` of a `HarmonicBalance`.
+def find_motion(problem: Any, parameters: dict[str, float]) -> Array:
+    """Return a periodic motion of a `HarmonicBalance` at the given parameters.
 
     Newton starts from the `initial_guesses`, then from static states with dampers that are removed along a path, then
     from the guesses by a homotopy, and last from a motion at another frequency.
@@ -39,20 +39,20 @@ def find_motion(problem: Any, here: dict[str, float]) -> Array:
     NoConvergence
         If Newton converges from none of these guesses.
     """
-    guesses = partial(initial_guesses, problem.compiled(here), here["Omega"])
+    guesses = partial(initial_guesses, problem.compiled(parameters), parameters["Omega"])
     failure: NoConvergence | None = None
     for guess in guesses():
         try:
-            return solve(problem, guess, here).X
+            return solve(problem, guess, parameters).X
         except NoConvergence as error:
             failure = failure or error
     assert failure is not None
     with suppress(NoConvergence):
-        return from_damped(problem, here).X
+        return from_damped(problem, parameters).X
     for guess in guesses():
         with suppress(NoConvergence):
-            return newton_homotopy(problem, guess, here).X
-    X = continue_from_nearby_frequency(problem, here)
+            return newton_homotopy(problem, guess, parameters).X
+    X = continue_from_nearby_frequency(problem, parameters)
     if X is None:
         raise failure
     return X
@@ -76,30 +76,30 @@ class _DampedBalance(ContinuationProblem):
     because contacts may be stiff compared with the structure.
     """
 
-    def __init__(self, problem: Any, here: Mapping[str, float]) -> None:
-        self.problem, self.here = problem, here
-        compiled = problem.compiled(dict(here))
-        kept = places(compiled.orders)
-        rates = derivative(np.eye(2 * compiled.H + 1)).T[np.ix_(kept, kept)] / problem.nu
+    def __init__(self, problem: Any, fixed: Mapping[str, float]) -> None:
+        self.problem, self.fixed = problem, fixed
+        compiled = problem.compiled(dict(fixed))
+        positions = places(compiled.orders)
+        rates = derivative(np.eye(2 * compiled.H + 1)).T[np.ix_(positions, positions)] / problem.nu
         self.dampers = np.kron(np.diag(compiled.structure.kr), rates)
-        self.moving = np.tile(kept > 0, compiled.m)
+        self.moving = np.tile(positions > 0, compiled.m)
 
     def linearise(self, X: Array, name: str, **parameters: float) -> Evaluation:
         """Return the equations at s."""
-        s, now = parameters["s"], self.problem.linearise(X, "", **self.here)
+        s, base = parameters["s"], self.problem.linearise(X, "", **self.fixed)
         force_factor, damped = np.where(self.moving, s**_DAMPING_POWER, 1.0), self.dampers @ X
         damping_factor = (1 - s) ** _DAMPING_POWER
-        R = force_factor * now.R + damping_factor * damped
-        J = force_factor[:, None] * now.dR_dX + damping_factor * self.dampers
-        rate = np.where(self.moving, s ** (_DAMPING_POWER - 1) * now.R, 0.0) - (1 - s) ** (_DAMPING_POWER - 1) * damped
-        return Evaluation(R, J, _DAMPING_POWER * rate, now.size)
+        R = force_factor * base.R + damping_factor * damped
+        J = force_factor[:, None] * base.dR_dX + damping_factor * self.dampers
+        rate = np.where(self.moving, s ** (_DAMPING_POWER - 1) * base.R, 0.0) - (1 - s) ** (_DAMPING_POWER - 1) * damped
+        return Evaluation(R, J, _DAMPING_POWER * rate, base.size)
 
 
 _DAMPING_POWER = 3
 """Exponent of s and 1 - s in the homotopy, see `_DampedBalance`."""
 
 
-def from_damped(problem: Any, here: dict[str, float]) -> Solution:
+def from_damped(problem: Any, parameters: dict[str, float]) -> Solution:
     """Return a motion of a `HarmonicBalance` by the homotopy that removes dampers, starting at a static state.
 
     Raises
@@ -107,46 +107,46 @@ def from_damped(problem: Any, here: dict[str, float]) -> Solution:
     NoConvergence
         If no path from a static state reaches a motion.
     """
-    compiled = problem.compiled(here)
+    compiled = problem.compiled(parameters)
     failure: NoConvergence | None = None
-    for static in statics(compiled, here["Omega"]):
+    for static in statics(compiled, parameters["Omega"]):
         if not static.balanced:
             continue
         d = np.zeros((compiled.m, len(compiled.orders)), dtype=complex)
         d[:, 0] = static.d
         X = to_real(d).ravel()
         try:
-            return solve_along(_DampedBalance(problem, here), problem, X, here, steps=600)
+            return solve_along(_DampedBalance(problem, parameters), problem, X, parameters, steps=600)
         except NoConvergence as error:
             failure = failure or error
-    raise failure or NoConvergence("there is no static state", np.zeros(problem.size), here, [])
+    raise failure or NoConvergence("there is no static state", np.zeros(problem.size), parameters, [])
 
 
 _FREQUENCY_FACTORS = (1.1, 0.9, 1.3, 0.75, 1.8, 0.5, 3.0, 6.0)
 """Factors of the frequency at which a motion is searched instead, in this order."""
 
 
-def continue_from_nearby_frequency(problem: Any, here: dict[str, float]) -> Array | None:
-    """Return a motion at the parameters ``here`` by continuation from another frequency; None if this fails.
+def continue_from_nearby_frequency(problem: Any, parameters: dict[str, float]) -> Array | None:
+    """Return a motion at the given parameters by continuation from another frequency; None if this fails.
 
     It is used if Newton's method converges from no initial guess at this frequency. problem : `HarmonicBalance`.
     """
-    Omega = here["Omega"]
-    for other in (Omega * times for times in _FREQUENCY_FACTORS):
-        there = {**here, "Omega": other}
-        for guess in initial_guesses(problem.compiled(there), other):
+    Omega = parameters["Omega"]
+    for nearby_Omega in (Omega * factor for factor in _FREQUENCY_FACTORS):
+        nearby = {**parameters, "Omega": nearby_Omega}
+        for guess in initial_guesses(problem.compiled(nearby), nearby_Omega):
             try:
-                X = solve(problem, guess, there).X
+                X = solve(problem, guess, nearby).X
             except NoConvergence:
                 continue
-            fixed = {name: value for name, value in here.items() if name != "Omega"}
+            fixed = {name: value for name, value in parameters.items() if name != "Omega"}
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # warnings about the auxiliary branch are of no use
-                curve = trace(problem, "Omega", (other, Omega), X, at=fixed, steps=StepControl(max_points=1000),
+                curve = trace(problem, "Omega", (nearby_Omega, Omega), X, at=fixed, steps=StepControl(max_points=1000),
                               stability=False, special=False, cover=False)  # fmt: skip
             if curve.values[-1] == Omega:
                 try:  # with the harmonics of the problem
-                    return solve(problem, problem.from_point(curve[-1]), here).X
+                    return solve(problem, problem.from_point(curve[-1]), parameters).X
                 except NoConvergence:
                     pass
             break

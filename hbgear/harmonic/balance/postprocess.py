@@ -32,10 +32,10 @@ def postprocess(problem: Any, branch: Branch, observed: Sequence[Mapping[str, An
     branch = _with_structure_error(branch, problem.models.reduction(branch.fixed))
     if not observed:
         return branch
-    clearances = [one["clearance"] for one in observed if "clearance" in one]
+    clearances = [entry["clearance"] for entry in observed if "clearance" in entry]
     if branch.parameter == "Omega" and branch.status.complete and problem.pins is None:
         check_gaps(problem.clearance_names, np.array(clearances))
-        check_sliders(problem.slider_names, np.array([one["slip"] for one in observed if "slip" in one]))
+        check_sliders(problem.slider_names, np.array([entry["slip"] for entry in observed if "slip" in entry]))
     evaluator = problem.compiled({k: v for k, v in branch.fixed.items() if k != "Omega"})
     return _with_stability_error(branch, evaluator)
 
