@@ -50,7 +50,9 @@ def linear_parts(numbers: Any, Omega: Any) -> None:
     """Linear parts of all rows."""
     room = workspace_for(numbers)
     for w in Omega:
-        fill_linear_part(numbers.linear, w, room.w, room.each, room.sums, room.work, room.matrices, room.constants)
+        fill_linear_part(
+            numbers.linear, w, room.w, room.pole_terms, room.sums, room.work, room.matrices, room.constants
+        )
 
 
 @kernel
@@ -100,7 +102,7 @@ def kernels(problem: hb.HarmonicBalance, curve: hb.Branch) -> dict[str, Callable
     history = hb.StepControl().predictor_points
     last = np.arange(history - 1, P)[:, None] - np.arange(history)
     u, t, one, out = U[last], np.gradient(U, axis=0)[last], np.ones(n + 1), np.empty(n + 1)
-    parts, mobility = compiled.parts().split, compiled.parts().mobility
+    parts, mobility = compiled.stability_modes().blocks, compiled.stability_modes().mobility
     more = with_driven_harmonics(compiled, X, Omega)
     found = [monodromies(compiled, part, mobility, more, Omega, None, None) for part in parts]
     return {

@@ -76,25 +76,25 @@ def test_rows_and_columns_of_the_balance_with_all_orders(name, nu, sampled, rng)
 
 def test_rule_of_the_orders_of_meshes():
     two = HarmonicSelection((10, 21))
-    kept = set(two.kept(21 * 6, 1).tolist())
+    kept = set(two.selected(21 * 6, 1).tolist())
     wanted = {abs(10 * a + 21 * b) for a in range(-6, 7) for b in range(-6, 7) if (1 + abs(a)) * (1 + abs(b)) <= 7}
     assert {k for k in wanted if k <= 126} <= kept and {5, 15, 26, 16} <= kept  # including half orders of mesh 10
     assert len(kept) < 70
-    sizes = [two.kept(H, 1) for H in range(1, 200)]
+    sizes = [two.selected(H, 1) for H in range(1, 200)]
     assert all(set(a.tolist()) <= set(b.tolist()) for a, b in itertools.pairwise(sizes))
     for H in (7, 63, 126):
-        assert np.array_equal(two.of_length(2 * len(two.kept(H, 1)) - 1, 1), two.kept(H, 1))
-        assert np.array_equal(two.kept(2 * H + 1, 2)[two.kept(2 * H + 1, 2) % 2 == 0], 2 * two.kept(H, 1))
+        assert np.array_equal(two.of_length(2 * len(two.selected(H, 1)) - 1, 1), two.selected(H, 1))
+        assert np.array_equal(two.selected(2 * H + 1, 2)[two.selected(2 * H + 1, 2) % 2 == 0], 2 * two.selected(H, 1))
     assert two.of_length(4, 1) is None
-    assert HarmonicSelection((1,)).kept(9, 1).tolist() == list(range(10))
+    assert HarmonicSelection((1,)).selected(9, 1).tolist() == list(range(10))
     assert tooth_orders(two_stages(21, 10)) == (10, 21) and tooth_orders(two_stages(4, 2)) == (2,)
     unbalance = hb.Load(cosine={1: [0.0, 0.01, 0.0]}, sine={1: [0.0, 0.0, 0.01]}, power=2)
     assert tooth_orders(two_stages(40, 80, load=(two_stages().loads[0], unbalance))) == (1, 40)
     side = {40 * a + b for a in range(1, 5) for b in (-1, 1)} | {1, 2, 3, 4, 40, 80, 120, 160}
-    kept = set(HarmonicSelection((1, 40)).kept(360, 1).tolist())
+    kept = set(HarmonicSelection((1, 40)).selected(360, 1).tolist())
     assert side <= kept and 201 not in kept and len(kept) < 100
     given = HarmonicSelection(given=(3, 5))
-    assert given.kept(5, 1).tolist() == [0, 3, 5] and given.kept(10, 1).tolist() == [0, 2, 3, 5, 6, 8, 10]
+    assert given.selected(5, 1).tolist() == [0, 3, 5] and given.selected(10, 1).tolist() == [0, 2, 3, 5, 6, 8, 10]
 
 
 def test_one_tooth_frequency_needs_all_orders():

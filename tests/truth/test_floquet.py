@@ -477,10 +477,10 @@ def test_steps_of_few_and_of_many_points():
     """
     problem, X, Omega = CURVES["long steps"]()
     compiled = problem.compiled({})
-    parts = compiled.parts()
-    long = monodromies(compiled, parts.whole, parts.mobility, X, Omega, points=8, width=0.8)
+    parts = compiled.stability_modes()
+    long = monodromies(compiled, parts.coupled, parts.mobility, X, Omega, points=8, width=0.8)
     for points in (4, 6):
-        short = monodromies(compiled, parts.whole, parts.mobility, X, Omega, points=points, width=0.2)
+        short = monodromies(compiled, parts.coupled, parts.mobility, X, Omega, points=points, width=0.2)
         np.testing.assert_allclose(short, long, rtol=0, atol=1e-10)
 
 

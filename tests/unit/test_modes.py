@@ -47,14 +47,14 @@ def test_a_symmetric_pair_falls_into_two_parts(monkeypatch):
     problem = HarmonicBalance(DoubleHelicalPair(), 8)
     curve = trace(problem, "Omega", (1.3, 0.7), stability=False, special=False)
     X, Omega = curve.X[::4], curve.values[::4]
-    parts = problem.compiled({}).parts()
-    assert len(parts.split) == 2 and sum(part.size for part in parts.split) == parts.whole.size
-    assert all(part.size < parts.whole.size for part in parts.split)
+    parts = problem.compiled({}).stability_modes()
+    assert len(parts.blocks) == 2 and sum(part.size for part in parts.blocks) == parts.coupled.size
+    assert all(part.size < parts.coupled.size for part in parts.blocks)
     assert {len(problem.switching(x, Omega=w).theta) for x, w in zip(X, Omega, strict=True)} >= {0, 4}
     expected = from_the_whole(problem, X, Omega, monkeypatch)
     sizes = recorded_sizes(monkeypatch)
     found = floquet_multipliers(problem.compiled({}), X, Omega)
-    assert sizes == [part.size for part in parts.split] and found.shape == (len(X), parts.size)
+    assert sizes == [part.size for part in parts.blocks] and found.shape == (len(X), parts.size)
     assert np.all(np.diff(np.abs(found)) <= 0)
     same(found, expected)
 
@@ -70,17 +70,19 @@ def test_a_motion_that_breaks_the_symmetry_is_not_split(monkeypatch):
     rows[1, 1] += 0.05
     both = np.array([X, rows.ravel()])
     compiled = problem.compiled({})
-    np.testing.assert_array_equal(floquet._move_identically(compiled, compiled.parts(), both), [True, False])
+    np.testing.assert_array_equal(floquet._move_identically(compiled, compiled.stability_modes(), both), [True, False])
     expected, sizes = from_the_whole(problem, both, Omega, monkeypatch), recorded_sizes(monkeypatch)
     same(floquet_multipliers(compiled, both, Omega), expected)
-    assert sizes == [part.size for part in compiled.parts().split] + [compiled.parts().whole.size]
+    assert sizes == [part.size for part in compiled.stability_modes().blocks] + [
+        compiled.stability_modes().coupled.size
+    ]
     with monkeypatch.context() as patch:
         patch.setattr(floquet, "_move_identically", lambda compiled, parts, X: np.ones(len(X), dtype=bool))
         split = floquet_multipliers(compiled, both[1:], Omega[1:])
     assert np.abs(np.sort(np.abs(split[0])) - np.sort(np.abs(expected[1]))).max() > 1e-4
     rows[1] = rows[0]
     rows[1, 1] += 1e-9
-    assert not floquet._move_identically(compiled, compiled.parts(), rows.ravel()[None])[0]
+    assert not floquet._move_identically(compiled, compiled.stability_modes(), rows.ravel()[None])[0]
 
 
 def two(first, second, C=0.05):
@@ -91,26 +93,26 @@ def two(first, second, C=0.05):
 
 
 def test_alike_are_elements_of_the_same_law_on_a_symmetric_structure():
-    assert len(two(Cubic(0.3, 0.1), Cubic(0.3, 0.1)).compiled({}).parts().split) == 2
-    assert len(two(Backlash(0.3), Backlash(0.3)).compiled({}).parts().split) == 2
+    assert len(two(Cubic(0.3, 0.1), Cubic(0.3, 0.1)).compiled({}).stability_modes().blocks) == 2
+    assert len(two(Backlash(0.3), Backlash(0.3)).compiled({}).stability_modes().blocks) == 2
     for problem in (two(Cubic(0.3, 0.1), Cubic(0.3, 0.2)), two(Backlash(0.3), Backlash(0.4)),
                     HarmonicBalance(SpurPair(), 5)):  # fmt: skip
-        parts = problem.compiled({}).parts()
-        assert parts.split == (parts.whole,)
+        parts = problem.compiled({}).stability_modes()
+        assert parts.blocks == (parts.coupled,)
     K = np.array([[1.2, -0.2], [-0.2, 1.7]])
     elements = [Element([1.0, 0.0], Cubic(0.3)), Element([0.0, 1.0], Cubic(0.3))]
     other = HarmonicBalance(System(np.eye(2), 0.05 * np.eye(2), K, elements, Load(cosine={1: [0.2, 0.2]})), 5)
-    assert other.compiled({}).parts().split == (other.compiled({}).parts().whole,)
+    assert other.compiled({}).stability_modes().blocks == (other.compiled({}).stability_modes().coupled,)
 
 
 def test_modes_that_no_element_feels_keep_their_poles():
     """An uncoupled mass: exp(2 pi lambda / Omega) of its poles lambda are among the multipliers."""
     M, C, K = np.diag([1.0, 2.0]), np.diag([0.1, 0.3]), np.diag([1.0, 5.0])
     problem = HarmonicBalance(System(M, C, K, [Element([1.0, 0.0], Backlash(0.3))], Load(cosine={1: [0.2, 0.0]})), 5)
-    parts = problem.compiled({}).parts()
+    parts = problem.compiled({}).stability_modes()
     own = np.roots([2.0, 0.3, 5.0])
-    np.testing.assert_allclose(np.sort_complex(parts.idle), np.sort_complex(own), rtol=1e-12)
-    assert parts.whole.size == 2 and parts.size == 4
+    np.testing.assert_allclose(np.sort_complex(parts.omitted_poles), np.sort_complex(own), rtol=1e-12)
+    assert parts.coupled.size == 2 and parts.size == 4
     mu = problem.multipliers(problem.start(0.8), Omega=0.8)
     for value in np.exp(own * 2 * np.pi / 0.8):
         assert np.abs(mu - value).min() == pytest.approx(0.0, abs=1e-12)
@@ -183,8 +185,8 @@ def test_few_modes_give_the_result_of_all(law, leading, others):
     apart = np.abs(found[:, :8, None] - expected[:, None]).min(axis=2)
     assert apart[:, 0].max() < leading and apart.max() < others
     assert np.abs(found).max() < np.abs(expected).max() + leading
-    sizes = [few.parts(reach).whole.size for reach in floquet._retained_frequency(few, motions, Omega)[0]]
-    assert max(sizes) < 60 and few.parts().whole.size == 120
+    sizes = [few.stability_modes(reach).coupled.size for reach in floquet._retained_frequency(few, motions, Omega)[0]]
+    assert max(sizes) < 60 and few.stability_modes().coupled.size == 120
     if not law.breakpoints:
         assert min(sizes) < 20
 
@@ -193,6 +195,6 @@ def test_residual_flexibility_of_modes_up_to_a_frequency():
     system, w = chain(Cubic(0.0, 0.5))
     compiled = HarmonicBalance(system, 3).compiled({})
     frequencies = np.array([0.5, 2.5, 7.3, 20.0, 1e3]) * w
-    expected = [np.diag(compiled.parts(one).rest) for one in frequencies.tolist()]
+    expected = [np.diag(compiled.stability_modes(one).flexibility) for one in frequencies.tolist()]
     np.testing.assert_allclose(compiled.flexibility_above(frequencies), expected, rtol=1e-12, atol=1e-15)
     assert compiled.flexibility_above(frequencies)[-1] == 0 < compiled.flexibility_above(frequencies)[-2]

@@ -437,7 +437,7 @@ def _linear_part(evaluator: Evaluator, Omega: float, D: float) -> tuple[LinearPa
     dG_dOmega = 1j * k * damped - (2 * Omega * (k**2 + 2j * k * D)) * inertial
     out, rate = LinearPart.zero(len(evaluator.orders), s.m), np.zeros((len(evaluator.orders), s.m, s.m), dtype=complex)
     out.matrices[0, 0], out.constants[0, 0] = static.Z[0], static.g[0]
-    blocks = np.ix_(np.arange(len(value)), s.own, s.own) if s.constrained else ...
+    blocks = np.ix_(np.arange(len(value)), s.independent, s.independent) if s.constrained else ...
     Y, dY, dD = out.matrices[0, 1:], out.matrices[1, 1:], rate[1:]
     Y[blocks] = np.linalg.inv(G[blocks])
     dY[blocks] = Y[blocks] @ dG_dOmega[blocks] @ Y[blocks]
@@ -449,7 +449,7 @@ def _linear_part(evaluator: Evaluator, Omega: float, D: float) -> tuple[LinearPa
 
 def _applied(rate: ComplexArray, d: ComplexArray, evaluator: Evaluator) -> ComplexArray:
     """Return the derivative (m, K + 1) of the balance in D from dZ/dD (K + 1, m, m) and displacements (m, K + 1)."""
-    out: ComplexArray = evaluator.structure.joint @ np.einsum("kij,jk->ik", rate, d)
+    out: ComplexArray = evaluator.structure.force_sums @ np.einsum("kij,jk->ik", rate, d)
     return out
 
 

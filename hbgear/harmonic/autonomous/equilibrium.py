@@ -127,7 +127,7 @@ class EquilibriumProblem(ContinuationProblem):
         linear, s = evaluator.linear(STATIC_FREQUENCY), evaluator.structure
         p, k, _ = forces_at(evaluator, X, np.zeros(1))
         e, Z = evaluator.receptance.e[0].real, linear.Z[0].real
-        return s.joint @ (Z @ X + linear.g[0].real + p) + s.ties @ (X + e), s.joint @ (Z + k) + s.ties
+        return s.force_sums @ (Z @ X + linear.g[0].real + p) + s.ties @ (X + e), s.force_sums @ (Z + k) + s.ties
 
     def start(self, **parameters: float) -> Array:
         """Return a stable equilibrium if there is one, else another one.

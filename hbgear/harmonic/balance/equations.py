@@ -116,8 +116,8 @@ class HarmonicEquations(ContinuationProblem):
         out._use((models or self.models).at(discretization or self.discretization))
         return out
 
-    def _once(self, kind: str, key: Hashable, make: Callable[[], Value]) -> Value:
-        return self._memory[kind].get(key, make)  # type: ignore[no-any-return]
+    def _once(self, kind: str, key: Hashable, build: Callable[[], Value]) -> Value:
+        return self._memory[kind].get(key, build)  # type: ignore[no-any-return]
 
     @property
     def resolution(self) -> str:
@@ -147,7 +147,7 @@ class HarmonicEquations(ContinuationProblem):
         self.check_parameter(name)
         if name == "Omega":
             raise KeyError("Omega is not a parameter of the model; give its value with every evaluation")
-        return float(self.models.own[name])
+        return float(self.models.defaults[name])
 
     def range_of(self, name: str) -> Range:
         """Return the valid values of a parameter; Omega is positive, and within the tables of the structure."""
@@ -165,7 +165,7 @@ class HarmonicEquations(ContinuationProblem):
         if name == "Omega" and value:
             return abs(value)
         unit = super().unit_of(name, value)
-        if value or self.models.own.get(name, 1.0):
+        if value or self.models.defaults.get(name, 1.0):
             return unit
         return self._once("units", name, lambda: self.models.unit_at_zero(name, unit))
 
@@ -219,13 +219,13 @@ class HarmonicEquations(ContinuationProblem):
 
     def parameter_derivatives(self, X: Array, Omega: Array, name: str, parameters: Mapping[str, float]) -> Array:
         """Return dR/dname (P, n) of motions X (P, n) at Omega (P,); the name is a parameter of the model."""
-        near = self.perturbed(parameters, 2)
+        perturbed = self.perturbed(parameters, 2)
 
-        def residuals(at: dict[str, float]) -> tuple[Array]:
-            evaluator = near.compiled(at)
+        def residuals(values: dict[str, float]) -> tuple[Array]:
+            evaluator = perturbed.compiled(values)
             return (np.array([evaluator.linearise(x, w)[0] for x, w in zip(X, Omega.tolist(), strict=True)]),)
 
-        (dR,) = parameter_derivatives(self, name, {name: self.models.own.get(name, 0.0), **parameters}, residuals)
+        (dR,) = parameter_derivatives(self, name, {name: self.models.defaults.get(name, 0.0), **parameters}, residuals)
         return dR  # type: ignore[no-any-return]
 
     def curvature(self, X: Array, v: Array, name: str, **parameters: float) -> tuple[Array, Array]:
@@ -246,9 +246,9 @@ class HarmonicEquations(ContinuationProblem):
         """Return the unknowns of one motion as an array; raise ValueError for another shape or an invalid Omega."""
         X = np.asarray(X, dtype=float)
         if X.shape != (self.size,):
-            each = "(2H + 1)" if self.selection is None else f"(1 + 2 x {len(self.orders) - 1} orders)"
+            width = "(2H + 1)" if self.selection is None else f"(1 + 2 x {len(self.orders) - 1} orders)"
             raise ValueError(
-                f"X of shape {X.shape}: need the unknowns of one motion, {self.m} x {each} = {self.size} numbers"
+                f"X of shape {X.shape}: need the unknowns of one motion, {self.m} x {width} = {self.size} numbers"
             )
         if "Omega" not in parameters:
             raise ValueError("a motion needs its frequency: give Omega=...")
@@ -325,11 +325,11 @@ class HarmonicEquations(ContinuationProblem):
         highest harmonic of the highest Omega, and ``branch.meta["structure"]`` holds their error. Smaller structures,
         those that need more than 256 modes, and balances with ``reduce=False`` are not reduced.
         """
-        known = self.models.reduced_for
-        if not self.reduce or not (known or self.compiled({}).structure.large):
+        reduced_for = self.models.reduced_for
+        if not self.reduce or not (reduced_for or self.compiled({}).structure.large):
             return self
         level = 2.0 ** math.ceil(math.log2(high if name == "Omega" else fixed["Omega"]))
-        if known is not None and level <= known:
+        if reduced_for is not None and level <= reduced_for:
             return self
         return self._once("restricted", level, lambda: self._reduced(level) or self._reduced(None) or self)
 

@@ -77,11 +77,11 @@ class PeriodicMotions(HarmonicEquations):
         ValueError
             If the number of elements differs, or the motion is not periodic with this nu.
         """
-        return self.discretization.from_layout(X, layout, self.compiled({}).kept)
+        return self.discretization.from_layout(X, layout, self.compiled({}).retained)
 
     def resized(self, X: Array) -> Array:
         """Return unknowns of any number of harmonics, cut or padded to this number."""
-        return X if len(X) == self.size else self.discretization.resized(X, self.compiled({}).kept)
+        return X if len(X) == self.size else self.discretization.resized(X, self.compiled({}).retained)
 
     def subharmonic_part(self, X: Array) -> Array:
         """Return the coefficients that a basis of a smaller nu does not contain; empty for nu = 1."""
@@ -214,7 +214,7 @@ class PeriodicMotions(HarmonicEquations):
     def check_stability(self) -> None:
         """Raise ValueError if the modes of the structure, which multipliers need, are too many."""
         structure = self.compiled({}).structure
-        if not structure.spins and not isinstance(structure, MeasuredStructure):
+        if not structure.depends_on_speed and not isinstance(structure, MeasuredStructure):
             check_modes(structure)
 
     def observe(self, X: Array, stability: bool = True, **parameters: float) -> dict[str, Any]:
@@ -227,14 +227,14 @@ class PeriodicMotions(HarmonicEquations):
         """Return `observe` of motions X (P, n) at values (P,) of a parameter, whose errors are not checked."""
         if name != "Omega":
             Omega = np.array([parameters.pop("Omega")])
-            each = zip(X, values.tolist(), strict=True)
+            pairs = zip(X, values.tolist(), strict=True)
             return [self.observe_many(x[None], "Omega", Omega, stability, **parameters, **{name: value})[0]
-                    for x, value in each]  # fmt: skip
+                    for x, value in pairs]  # fmt: skip
         evaluator = self.compiled(parameters)
         observed, extended = motion.monitored_quantities(evaluator, X, values)
         if stability and not isinstance(evaluator.structure, MeasuredStructure):
-            for one, mu in zip(observed, floquet_multipliers(evaluator, extended, values), strict=True):
-                one["multipliers"] = mu
+            for quantities, mu in zip(observed, floquet_multipliers(evaluator, extended, values), strict=True):
+                quantities["multipliers"] = mu
         return observed
 
     def check_errors(

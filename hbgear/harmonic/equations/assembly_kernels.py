@@ -51,7 +51,7 @@ class Workspace(NamedTuple):
         Coefficients of the motion with all harmonics, see `spread`.
     matrices, constants : ndarray
         Linear part, see `fill_linear_part`.
-    w, each, sums, work : ndarray
+    w, pole_terms, sums, work : ndarray
         Working memory of `fill_linear_part`, of shapes (K + 1,), (2, K + 1), (4, N, K + 1) and (3, K + 1, m, m).
     """
 
@@ -60,7 +60,7 @@ class Workspace(NamedTuple):
     matrices: ComplexArray
     constants: ComplexArray
     w: Array
-    each: Array
+    pole_terms: Array
     sums: Array
     work: ComplexArray
 
@@ -71,13 +71,13 @@ def workspace_for(packed: Any) -> Any:
     linear, m, H = packed.linear, packed.laws.cubic.shape[0], packed.basis.shape[0] // 2
     K = linear.orders.shape[0]
     matrices, constants = np.zeros((2, K, m, m), np.complex128), np.zeros((2, K, m), np.complex128)
-    w, each, sums = np.empty(K), np.empty((2, K)), np.empty((4, linear.residues.shape[0], K))
+    w, pole_terms, sums = np.empty(K), np.empty((2, K)), np.empty((4, linear.residues.shape[0], K))
     space, coefficients, work = (
         projection_workspace(packed, m, H, 2 * H),
         np.zeros((m, 2 * H + 1)),
         np.empty((3, K, m, m), np.complex128),
     )
-    return Workspace(space, coefficients, matrices, constants, w, each, sums, work)
+    return Workspace(space, coefficients, matrices, constants, w, pole_terms, sums, work)
 
 
 @kernel
@@ -93,11 +93,11 @@ def assemble(
     packed: Any, X: Any, omega: float, matrices: Any, constants: Any, R: Any, J: Any, dR: Any, workspace: Any
 ) -> float:
     """Fill R (n,), J = dR/dX (n, n), dR/dOmega (n,) at X (n,), omega = Omega / nu; return the size of its terms."""
-    space, coefficients, some = workspace.space, workspace.coefficients, X.reshape(matrices.shape[2], -1)
+    space, coefficients, unknowns = workspace.space, workspace.coefficients, X.reshape(matrices.shape[2], -1)
     spread(packed.linear.orders, X, coefficients)
     project(packed, coefficients, space)
     size = _fill_forces(coefficients, packed.linear.orders, space, R, J) + _add_linear(
-        some, matrices, constants, R, J, dR
+        unknowns, matrices, constants, R, J, dR
     )
     add_memory(packed.sliders, space.slides, packed.linear.orders, J)
     size += _add_compiled_laws(packed.user_laws, packed, coefficients, omega, R, J, dR)
@@ -107,15 +107,15 @@ def assemble(
 @kernel
 def spread(orders: Any, X: Any, coefficients: Any) -> None:
     """Fill the selected harmonics of coefficients (m, 2H + 1) from unknowns X (n,); all others must be zero before."""
-    some = X.reshape(coefficients.shape[0], -1)
+    rows = X.reshape(coefficients.shape[0], -1)
     for j in range(coefficients.shape[0]):
-        coefficients[j, 0] = some[j, 0]
+        coefficients[j, 0] = rows[j, 0]
         for i in range(1, orders.shape[0]):
-            coefficients[j, 2 * orders[i] - 1], coefficients[j, 2 * orders[i]] = some[j, 2 * i - 1], some[j, 2 * i]
+            coefficients[j, 2 * orders[i] - 1], coefficients[j, 2 * orders[i]] = rows[j, 2 * i - 1], rows[j, 2 * i]
 
 
 @inlined
-def curvature(packed: Any, X: Any, v: Any, h: float, workspace: Any, along: Any, across: Any) -> None:
+def curvature(packed: Any, X: Any, v: Any, h: float, workspace: Any, dJ_dv: Any, dJ_dOmega: Any) -> None:
     """Compute the derivatives of dR/dX along a direction of X and in Omega.
 
     Parameters
@@ -128,16 +128,16 @@ def curvature(packed: Any, X: Any, v: Any, h: float, workspace: Any, along: Any,
         Step of the central difference along v.
     workspace : Workspace
         Workspace with the linear part; the arrays of the force projection are overwritten.
-    along : ndarray, shape (n, n)
+    dJ_dv : ndarray, shape (n, n)
         Array to be filled with the derivative along v.
-    across : ndarray, shape (n, n)
+    dJ_dOmega : ndarray, shape (n, n)
         Array to be filled with the derivative in Omega.
     """
-    change, orders, space = workspace.matrices[1], packed.linear.orders, workspace.space
-    m, n, kappa, more = change.shape[1], X.shape[0] // change.shape[1], space.kappa, space.more
+    dZ, orders, space = workspace.matrices[1], packed.linear.orders, workspace.space
+    m, n, kappa, more = dZ.shape[1], X.shape[0] // dZ.shape[1], space.kappa, space.more
     shifted = np.empty(X.shape[0])
-    along[:, :] = 0.0
-    across[:, :] = 0.0
+    dJ_dv[:, :] = 0.0
+    dJ_dOmega[:, :] = 0.0
     for sign in (1.0, -1.0):
         for i in range(X.shape[0]):
             shifted[i] = X[i] + sign * h * v[i]
@@ -146,11 +146,11 @@ def curvature(packed: Any, X: Any, v: Any, h: float, workspace: Any, along: Any,
         for j in range(m):
             for k in range(kappa.shape[1]):
                 kappa[j, k] = (kappa[j, k] + more[j, k]) * (sign / (2 * h))
-            add_product(kappa[j], orders, along[j * n : (j + 1) * n, j * n : (j + 1) * n])
-    for k in range(change.shape[0]):
+            add_product(kappa[j], orders, dJ_dv[j * n : (j + 1) * n, j * n : (j + 1) * n])
+    for k in range(dZ.shape[0]):
         for i in range(m):
             for j in range(m):
-                _add_harmonic(change[k, i, j], k, across, i * n, j * n)
+                _add_harmonic(dZ[k, i, j], k, dJ_dOmega, i * n, j * n)
 
 
 @kernel
@@ -174,14 +174,14 @@ def _fill_forces(coefficients: Any, orders: Any, space: Any, R: Any, J: Any) -> 
     for j in range(coefficients.shape[0]):
         fill_one_sided(coefficients[j], c)
         for i in range(orders.shape[0]):
-            k, at = orders[i], j * n + 2 * i
+            k, position = orders[i], j * n + 2 * i
             f = coefficient(kappa[j], c, k) + chi[j, k]
             if i:
-                R[at - 1], R[at] = 2.0 * f.real, -2.0 * f.imag
-                total += R[at - 1] ** 2 + R[at] ** 2
+                R[position - 1], R[position] = 2.0 * f.real, -2.0 * f.imag
+                total += R[position - 1] ** 2 + R[position] ** 2
             else:
-                R[at] = f.real
-                total += R[at] ** 2
+                R[position] = f.real
+                total += R[position] ** 2
         for k in range(more.shape[1]):
             kappa[j, k] += more[j, k]
         add_product(kappa[j], orders, J[j * n : (j + 1) * n, j * n : (j + 1) * n])
@@ -201,17 +201,17 @@ def _add_linear(coefficients: Any, matrices: Any, constants: Any, R: Any, J: Any
         a, b = 2 * k - 1, 2 * k
         for i in range(m):
             zd = dzd = 0j
-            each = 0.0
+            magnitude = 0.0
             for j in range(m):
                 d = complex(coefficients[j, a], -coefficients[j, b]) if k else complex(coefficients[j, 0], 0.0)
                 Z = matrices[0, k, i, j]
                 zd += Z * d
-                each += (abs(Z.real) + abs(Z.imag)) * (abs(d.real) + abs(d.imag))
+                magnitude += (abs(Z.real) + abs(Z.imag)) * (abs(d.real) + abs(d.imag))
                 dzd += matrices[1, k, i, j] * d
                 _add_harmonic(Z, k, J, i * n, j * n)
             g, dg = constants[0, k, i], dzd + constants[1, k, i]
             stiffness_terms += zd.real**2 + zd.imag**2
-            cancelled_terms += each**2
+            cancelled_terms += magnitude**2
             constant_terms += g.real**2 + g.imag**2
             if k:
                 R[i * n + a] += zd.real + g.real
@@ -224,23 +224,25 @@ def _add_linear(coefficients: Any, matrices: Any, constants: Any, R: Any, J: Any
 
 
 @kernel
-def _add_compiled_laws(own: Any, packed: Any, coefficients: Any, omega: float, R: Any, J: Any, dR: Any) -> float:
+def _add_compiled_laws(user_laws: Any, packed: Any, coefficients: Any, omega: float, R: Any, J: Any, dR: Any) -> float:
     """Add forces and slopes of compiled laws of the user, if any; return the sum of the norms of the forces."""
-    if own is None:
+    if user_laws is None:
         return 0.0
     size = 0.0
-    for q in range(own.element.shape[0]):
-        size += _add_samples(own, packed, coefficients, q, omega, R, J, dR)
+    for q in range(user_laws.element.shape[0]):
+        size += _add_samples(user_laws, packed, coefficients, q, omega, R, J, dR)
     return size
 
 
 @inlined
-def _add_samples(own: Any, packed: Any, coefficients: Any, which: int, omega: float, R: Any, J: Any, dR: Any) -> float:
+def _add_samples(
+    user_laws: Any, packed: Any, coefficients: Any, index: int, omega: float, R: Any, J: Any, dR: Any
+) -> float:
     """Add forces and slopes of one compiled law, evaluated by AFT; return the norm of the forces."""
-    j, orders, nu = own.element[which], packed.linear.orders, packed.linear.nu
+    j, orders, nu = user_laws.element[index], packed.linear.orders, packed.linear.nu
     n, total = 2 * orders.shape[0] - 1, 0.0
     samples, part = (
-        samples_of(own, packed, coefficients, which, omega),
+        samples_of(user_laws, packed, coefficients, index, omega),
         np.empty(coefficients.shape[1], dtype=np.complex128),
     )
     spectrum(samples[:, 0], packed.basis, part)
@@ -289,7 +291,7 @@ def residual_and_jacobian(packed: Any, u: Any, R: Any, J: Any, dR: Any, workspac
     """Call `assemble` at u = (X, Omega) for a structure with modes; return the size of the terms of R."""
     n = u.shape[0] - 1
     fill_linear_part(
-        packed.linear, u[n], workspace.w, workspace.each, workspace.sums, workspace.work,
+        packed.linear, u[n], workspace.w, workspace.pole_terms, workspace.sums, workspace.work,
         workspace.matrices, workspace.constants,
     )  # fmt: skip
     return assemble(

@@ -66,75 +66,75 @@ def trace_compiled(
 
     Returns
     -------
-    made : int
+    point_count : int
         Number of new points.
     step : float
         Next step.
-    why : int
+    status : int
         Status of the last step, see `hbgear.continuation.stepping.status`; `ACCEPTED` unless it was rejected.
-    number : float
+    value : float
         Value for the message of this status.
     """
     n, m, workspace = u.shape[1] - 1, packed.laws.cubic.shape[0], workspace_for(packed)
     R, dR, A, v = np.empty(n), np.empty(n), np.empty((n + 1, n + 3)), np.empty(n + 1)
-    scale, normal, predicted, found, direction = (
+    scale, normal, predicted, point, direction = (
         np.empty(n + 1), np.empty(n + 1), np.empty(n + 1), np.empty(n + 1), np.empty(n + 1)
     )  # fmt: skip
     statistics, limits = np.empty(3), np.empty(2)
     limits[0] = control[2]
-    made, why, number = 0, ACCEPTED, 0.0
-    while made < points.shape[0]:
+    point_count, status, value = 0, ACCEPTED, 0.0
+    while point_count < points.shape[0]:
         _rescale(u[0], size, m, scale)
         arclength_normal(t[0], scale, normal)
         predict(u, t, count, scale, step, predicted)
-        why = _corrected(
-            packed, predicted, normal, tolerances, R, dR, A, v, workspace, found, direction, statistics
+        status = _corrected(
+            packed, predicted, normal, tolerances, R, dR, A, v, workspace, point, direction, statistics
         )  # fmt: skip
-        number, prediction_error = statistics[2], 0.0
-        if why == ACCEPTED:
+        value, prediction_error = statistics[2], 0.0
+        if status == ACCEPTED:
             limits[1] = control[4] if count > 1 and step > NO_ERROR_CONTROL_BELOW * control[0] else math.inf
-            why, turn, prediction_error = accept_step(found, direction, predicted, u[0], t[0], scale, step, limits)
-            number = prediction_error if why == PREDICTION_ERROR else turn
-        if why != ACCEPTED:
+            status, angle, prediction_error = accept_step(point, direction, predicted, u[0], t[0], scale, step, limits)
+            value = prediction_error if status == PREDICTION_ERROR else angle
+        if status != ACCEPTED:
             if step <= control[0]:
                 break
             step = max(0.5 * step, control[0])
             continue
-        _store(points[made], found, direction, step, statistics)
-        made += 1
+        _store(points[point_count], point, direction, step, statistics)
+        point_count += 1
         count = min(count + 1, u.shape[0])
-        _shift(u, found, count)
+        _shift(u, point, count)
         _shift(t, direction, count)
-        step = next_step(step, statistics[1], turn, prediction_error, control)
-        if not span[0] < found[n] < span[1]:
+        step = next_step(step, statistics[1], angle, prediction_error, control)
+        if not span[0] < point[n] < span[1]:
             break
-    return made, step, why, number
+    return point_count, step, status, value
 
 
 @kernel
 def _rescale(u: Any, size: Any, m: int, scale: Any) -> None:
     """Fill the scales of the unknowns with the norm of the largest motion so far, and the scale of Omega."""
     n = u.shape[0] - 1
-    whole = moving = 0.0
+    total = alternating = 0.0
     for i in range(n):
         square = u[i] * u[i]
-        whole += square
+        total += square
         if i % (n // m):
-            moving += square
-    size[0] = max(size[0], math.sqrt(moving))
-    floor = 1e-2 * math.sqrt(whole)
+            alternating += square
+    size[0] = max(size[0], math.sqrt(alternating))
+    floor = 1e-2 * math.sqrt(total)
     for i in range(n):
         scale[i] = max(size[0], floor if floor > 0.0 else 1.0)
     scale[n] = size[1]
 
 
 @kernel
-def _shift(past: Any, new: Any, count: int) -> None:
+def _shift(history: Any, point: Any, count: int) -> None:
     """Insert a new point before the previous ones."""
-    for i in range(new.shape[0]):
+    for i in range(point.shape[0]):
         for k in range(count - 1, 0, -1):
-            past[k, i] = past[k - 1, i]
-        past[0, i] = new[i]
+            history[k, i] = history[k - 1, i]
+        history[0, i] = point[i]
 
 
 @kernel
@@ -151,7 +151,7 @@ def _store(point: Any, u: Any, t: Any, step: float, statistics: Any) -> None:
 @inlined
 def _corrected(
     packed: Any, predicted: Any, normal: Any, tolerances: Any, R: Any, dR: Any, A: Any, u: Any, workspace: Any,
-    found: Any, direction: Any, statistics: Any,
+    point: Any, direction: Any, statistics: Any,
 ) -> int:  # fmt: skip
     """Solve by Newton's method in the plane through the prediction; return the status.
 
@@ -160,37 +160,37 @@ def _corrected(
     n = R.shape[0]
     for i in range(n + 1):
         u[i] = predicted[i]
-    last = first = best = math.inf
+    previous = first = best = math.inf
     max_iterations = int(tolerances[2])
     for iteration in range(max_iterations + 2):
         if not u[n] > 0.0:
             return NOT_CONVERGED
         size = residual_and_jacobian(packed, u, R, A, dR, workspace)  # J in the upper left block of A
         residual = scaled_norm(R) / size
-        off = 0.0
+        distance = 0.0
         for i in range(n):
             A[i, n], A[i, n + 1], A[i, n + 2] = dR[i], R[i], 0.0
         for j in range(n + 1):
             A[n, j] = normal[j]
-            off += normal[j] * (u[j] - predicted[j])
-        A[n, n + 1], A[n, n + 2] = off, 1.0
+            distance += normal[j] * (u[j] - predicted[j])
+        A[n, n + 1], A[n, n + 2] = distance, 1.0
         sign = solve_in_place(A)
         if sign == 0:
             return SINGULAR
-        moved = reached = 0.0
+        step_square = point_square = 0.0
         for i in range(n + 1):
-            moved += A[i, n + 1] ** 2
-            reached += (u[i] - A[i, n + 1]) ** 2
-        step = math.sqrt(moved / max(reached, 1e-300))
+            step_square += A[i, n + 1] ** 2
+            point_square += (u[i] - A[i, n + 1]) ** 2
+        step = math.sqrt(step_square / max(point_square, 1e-300))
         acceptable, status = newton_status(
-            residual, step, last, first, best, iteration, tolerances[0], tolerances[1], max_iterations, POLISH_ABOVE
+            residual, step, previous, first, best, iteration, tolerances[0], tolerances[1], max_iterations, POLISH_ABOVE
         )
-        first, last = min(first, residual), step
+        first, previous = min(first, residual), step
         if acceptable:
             best = residual
             statistics[0], statistics[1], statistics[2] = sign, iteration, residual
             for i in range(n + 1):
-                found[i], direction[i] = u[i], A[i, n + 2]
+                point[i], direction[i] = u[i], A[i, n + 2]
         if status == DIVERGED:
             statistics[2] = residual
             return NOT_CONVERGED

@@ -27,11 +27,11 @@ def extrema(packed: Any, X: Any, clearance: Any, regime: Any) -> None:
     regime[:, :] = 0
     low = high = 0.0
     for p in range(X.shape[0]):
-        coefficients, last = X[p].reshape(m, -1), -1
+        coefficients, previous = X[p].reshape(m, -1), -1
         for i in range(clearance.shape[1] // 2):
             j = laws.owner[i]
-            if j != last:
-                last = j
+            if j != previous:
+                previous = j
                 sampled_gap(packed.piecewise, packed.basis, coefficients[laws.element[j]], j, c, samples)
                 low = -highest_gap(packed.piecewise, j, -1.0, c, samples)[0]
                 high = highest_gap(packed.piecewise, j, 1.0, c, samples)[0]
@@ -79,28 +79,28 @@ def _add_damped(piecewise: Any, linear: Any, Omega: float, f: Any) -> None:
 @inlined
 def _project_truncated(packed: Any, coefficients: Any, space: Any, f: Any) -> None:
     """Fill f (m, L) with the exact force harmonics of the truncated orders."""
-    left, c = packed.linear.truncated_orders, space.waves
+    orders, c = packed.linear.truncated_orders, space.waves
     project(packed, coefficients, space)
     for j in range(coefficients.shape[0]):
         fill_one_sided(coefficients[j], c)
-        for i in range(left.shape[0]):
-            f[j, i] = 2.0 * (coefficient(space.kappa[j], c, left[i]) + space.chi[j, left[i]])
+        for i in range(orders.shape[0]):
+            f[j, i] = 2.0 * (coefficient(space.kappa[j], c, orders[i]) + space.chi[j, orders[i]])
 
 
 @kernel
 def driven_response(linear: Any, Omega: Any, f: Any, out: Any) -> None:
     """Fill the truncated harmonics of out (P, n) with the response of the elements to force harmonics (P, m, L)."""
     P, m, L = f.shape
-    w, each, sums = np.empty(L), np.empty((2, L)), np.empty((4, m * m, L))
+    w, pole_terms, sums = np.empty(L), np.empty((2, L)), np.empty((4, m * m, L))
     for p in range(P):
         coefficients = out[p].reshape(m, -1)
         for k in range(L):
             w[k] = Omega[p] * linear.truncated_orders[k] / linear.nu
-        receptance(linear, m * m, w, each, sums)
+        receptance(linear, m * m, w, pole_terms, sums)
         for k in range(L):
-            at = 2 * linear.truncated_orders[k]
+            position = 2 * linear.truncated_orders[k]
             for i in range(m):
                 d = 0j
                 for j in range(m):
                     d += complex(sums[0, i * m + j, k], sums[1, i * m + j, k]) * f[p, j, k]
-                coefficients[i, at - 1], coefficients[i, at] = -d.real, d.imag
+                coefficients[i, position - 1], coefficients[i, position] = -d.real, d.imag

@@ -91,7 +91,7 @@ class Discretization:
             raise ValueError(
                 f"harmonics = {self.H} of Omega / {self.nu} do not reach Omega itself; need at least {self.nu}"
             )
-        self._check_unknowns(self.H if self.selection is None else self.selection.least(self.H))
+        self._check_unknowns(self.H if self.selection is None else self.selection.min_count(self.H))
         if self.N * self.m > MAX_SAMPLES:
             raise ValueError(
                 f"samples = {self.N:,} for {self.m} elements; at most {MAX_SAMPLES // self.m:,} are possible"
@@ -124,7 +124,7 @@ class Discretization:
     @cached_property
     def orders(self) -> np.ndarray:
         """Basis harmonics (K + 1,) that are unknowns, ascending from 0."""
-        return np.arange(self.H + 1) if self.selection is None else self.selection.kept(self.H, self.nu)
+        return np.arange(self.H + 1) if self.selection is None else self.selection.selected(self.H, self.nu)
 
     @cached_property
     def transform(self) -> Transform:
@@ -148,8 +148,8 @@ class Discretization:
 
     def fits(self, H: int, limit: int = MAX_UNKNOWNS) -> bool:
         """Return whether the unknowns of H harmonics are no more than a limit."""
-        kept = H + 1 if self.selection is None else len(self.selection.kept(H, self.nu))
-        return self.m * (2 * kept - 1) <= limit
+        count = H + 1 if self.selection is None else len(self.selection.selected(H, self.nu))
+        return self.m * (2 * count - 1) <= limit
 
     def describe(self, auto: float | None) -> dict[str, Any]:
         """Return the settings as plain data, for the header of a file; ``auto`` is the tolerance of an adapted H."""
@@ -197,8 +197,8 @@ class Discretization:
         """Whether 2H harmonics are within the limits of a refined problem."""
         if self.selection is not None:
             return self.fits(2 * self.H, MAX_REFINED_UNKNOWNS)
-        few = self.m * (4 * self.H + 1) <= MAX_REFINED_UNKNOWNS
-        return few and MAX_AUTOMATIC_HARMONICS * self.nu >= 2 * self.H
+        fits = self.m * (4 * self.H + 1) <= MAX_REFINED_UNKNOWNS
+        return fits and MAX_AUTOMATIC_HARMONICS * self.nu >= 2 * self.H
 
     # ---- unknowns
 
@@ -233,12 +233,12 @@ class Discretization:
         if len(X) == self.size:
             return X
         n = len(X) // self.m
-        known = np.arange(n // 2 + 1) if self.selection is None else self.selection.of_length(n, self.nu)
-        if known is None or len(X) % self.m or n % 2 == 0:
+        orders = np.arange(n // 2 + 1) if self.selection is None else self.selection.of_length(n, self.nu)
+        if orders is None or len(X) % self.m or n % 2 == 0:
             raise ValueError(
                 f"{len(X)} coefficients do not belong to {self.m} elements with the orders of any number of H"
             )
-        return self.restrict(spread(X, self.m, known, int(known[-1])), known, exact)
+        return self.restrict(spread(X, self.m, orders, int(orders[-1])), orders, exact)
 
     def from_layout(self, X: Array, layout: Layout, exact: ComplexArray) -> Array:
         """Return the unknowns of a motion that is given in another layout; for ``exact`` see `restrict`.
@@ -254,22 +254,22 @@ class Discretization:
             raise ValueError(
                 f"a motion of order nu = {layout.nu} is not periodic with nu = {self.nu}; need a multiple of it"
             )
-        times, known = self.nu // layout.nu, np.arange(layout.harmonics + 1)
-        known = known if layout.orders is None else np.array([0, *layout.orders])
-        return self.restrict(stretch(layout.spread(X), times), times * known, exact)
+        ratio, orders = self.nu // layout.nu, np.arange(layout.harmonics + 1)
+        orders = orders if layout.orders is None else np.array([0, *layout.orders])
+        return self.restrict(stretch(layout.spread(X), ratio), ratio * orders, exact)
 
-    def restrict(self, rows: Array, known: np.ndarray, exact: ComplexArray) -> Array:
-        """Return the unknowns (n,) from rows (m, 2h + 1), whose orders ``known`` were unknowns.
+    def restrict(self, rows: Array, known_orders: np.ndarray, exact: ComplexArray) -> Array:
+        """Return the unknowns (n,) from rows (m, 2h + 1), whose orders ``known_orders`` were unknowns.
 
         ``exact`` (H + 1, m) holds the harmonics of prescribed displacements with breakpoints. All of their harmonics
         enter the elements, but the unknowns contain their kept orders only.
         """
         out = resize(rows, self.H)
         if exact.any():
-            new = places(np.setdiff1d(self.orders, known))
-            out[:, new] -= to_real(exact.T)[:, new]
-        kept: Array = out if self.selection is None else out[:, places(self.orders)]
-        return kept.ravel()
+            added = places(np.setdiff1d(self.orders, known_orders))
+            out[:, added] -= to_real(exact.T)[:, added]
+        selected: Array = out if self.selection is None else out[:, places(self.orders)]
+        return selected.ravel()
 
 
 def discretize(
@@ -325,7 +325,7 @@ def warn_of_truncated_excitation(discretization: Discretization, system: System)
         + [slider.series.order for e in system.elements for slider in e.law.sliders]
     )
     by_element = zip((e.name for e in system.elements), excited_orders(system), strict=False)
-    missed = next(((name, min(some)) for name, some in by_element if some and min(some) * nu > H), None)
+    missed = next(((name, min(orders)) for name, orders in by_element if orders and min(orders) * nu > H), None)
     if missed is not None:
         warn(
             f"the excitation of {missed[0]} begins at order {missed[1]} of Omega, and {discretization.resolution} "
@@ -337,9 +337,9 @@ def warn_of_truncated_excitation(discretization: Discretization, system: System)
             "to those up to 2H is a part of the stated errors, and the others are left out: give more harmonics"
         )
     elif discretization.selection is not None:
-        kept = {k // nu for k in discretization.orders.tolist() if k % nu == 0}
-        excited = {k for some in excited_orders(system, corners=False) for k in some if k * nu <= H}
-        missing = sorted(excited - kept)
+        selected = {k // nu for k in discretization.orders.tolist() if k % nu == 0}
+        excited = {k for orders in excited_orders(system, corners=False) for k in orders if k * nu <= H}
+        missing = sorted(excited - selected)
         if missing:
             warn(
                 f"the excitation has order {missing[0]}, which is not an unknown; the response to it is a part of "

@@ -115,24 +115,24 @@ class Evaluator:
         packing = pack_laws(self.laws, sampled, nu)
         self.damped = tuple((int(j), self.laws[j]) for j in packing.unpacked if self.laws[j].damped)
         self.vectors = vector_groups(self.laws)
-        alone = [j for j in packing.unpacked if not (self.laws[j].damped or isinstance(self.laws[j], Component))]
-        laws, left = packing.table, np.array(alone, dtype=int)
-        own, sliders = user_laws_of(self.laws), sliders_of(system.elements, nu, H)
+        scalar = [j for j in packing.unpacked if not (self.laws[j].damped or isinstance(self.laws[j], Component))]
+        laws, aft_elements = packing.table, np.array(scalar, dtype=int)
+        user_laws, sliders = user_laws_of(self.laws), sliders_of(system.elements, nu, H)
         coupled = [j for elements, _ in self.vectors for j in elements]
-        self.aft_laws = tuple((int(j), self.laws[j]) for j in (*left, *own.element, *coupled))
+        self.aft_laws = tuple((int(j), self.laws[j]) for j in (*aft_elements, *user_laws.element, *coupled))
         linear = self.receptance.packed
         self.piecewise = piecewise = piecewise_excitation(
             system.elements, packing, H, nu, self.N if self.aft_laws else 0, linear.orders, linear.truncated_orders
         )
-        self.sliders, self.user_laws = len(sliders.element), len(own.element)
+        self.sliders, self.user_laws = len(sliders.element), len(user_laws.element)
         is_plain = not (len(piecewise.phases) or packing.levels or self.sliders or self.user_laws)
-        tables = (None, None, None) if is_plain else (piecewise, own, sliders)
+        tables = (None, None, None) if is_plain else (piecewise, user_laws, sliders)
         self.packed = PackedModel(laws, linear, transform.basis, *tables)
         normal = zip(sliders.element.tolist(), sliders.normal.tolist(), strict=True)
         self.normal_pairs = tuple(dict.fromkeys(pair for pair in normal if pair[1] >= 0))
         self.python_forces: tuple[PythonForces, ...] = ()
-        if left.size:
-            self.python_forces += (SampledLaws(self.laws, left, transform, nu, piecewise.grid, sampled),)
+        if aft_elements.size:
+            self.python_forces += (SampledLaws(self.laws, aft_elements, transform, nu, piecewise.grid, sampled),)
         if self.vectors:
             self.python_forces += (SampledVectorLaws(self.vectors, transform, nu),)
         if self.damped:
@@ -141,8 +141,8 @@ class Evaluator:
         self.displacement = laws.owner[: packing.public]
         self.element = laws.element[self.displacement]
         self._linear: tuple[float, LinearPart] | None = None
-        self._parts: LRUCache[ModalBlocks] = LRUCache(32)
-        self._at: LRUCache[Evaluator] = LRUCache(16)
+        self._mode_cache: LRUCache[ModalBlocks] = LRUCache(32)
+        self._at_speed: LRUCache[Evaluator] = LRUCache(16)
 
     @property
     def m(self) -> int:
@@ -150,7 +150,7 @@ class Evaluator:
         return len(self.laws)
 
     @property
-    def kept(self) -> ComplexArray:
+    def retained(self) -> ComplexArray:
         """Harmonics (H + 1, m) of the prescribed displacements with breakpoints that are unknowns, zero of others."""
         return self.piecewise.retained[:, : self.m]
 
@@ -161,10 +161,10 @@ class Evaluator:
 
     def at(self, Omega: float) -> Evaluator:
         """Return the evaluator with the structure at Omega, which has modes; itself without speed terms."""
-        if not self.structure.spins:
+        if not self.structure.depends_on_speed:
             return self
         structure = self.structure.at(Omega)
-        return self._at.get(
+        return self._at_speed.get(
             Omega,
             lambda: Evaluator(
                 structure.system, structure, self.H, self.nu, self.is_sampled, self._transform, self.reduce, self.orders
@@ -189,22 +189,22 @@ class Evaluator:
         0 if it is unknown: the structure has no modes, depends on speed, or has dependent element directions.
         """
         structure = self.structure
-        if structure.spins or structure.modes is None or structure.constrained:
+        if structure.depends_on_speed or structure.modes is None or structure.constrained:
             return 0
         poles, stiffness = structure.modes.poles, self.receptance.at(1.0).Z[0].real
-        above = np.count_nonzero((poles.real > 0) & (np.abs(poles.imag) <= 1e-12 * np.abs(poles)))
+        unstable = np.count_nonzero((poles.real > 0) & (np.abs(poles.imag) <= 1e-12 * np.abs(poles)))
         sign, log = np.linalg.slogdet(stiffness + np.diag(self.packed.linear.springs[0]))
-        return int(sign) * (1 - 2 * (int(above) % 2)) if np.isfinite(log) else 0
+        return int(sign) * (1 - 2 * (int(unstable) % 2)) if np.isfinite(log) else 0
 
-    def parts(self, reach: float = math.inf, lumped: bool = False) -> ModalBlocks:
+    def stability_modes(self, reach: float = math.inf, lumped: bool = False) -> ModalBlocks:
         """Return the modes for the variational equation; above ``reach`` as flexibility or lumped, see `modes`."""
-        return self._parts.get((reach, lumped), lambda: self._parts_to(reach, lumped))
+        return self._mode_cache.get((reach, lumped), lambda: self._build_stability_modes(reach, lumped))
 
-    def _parts_to(self, reach: float, lumped: bool) -> ModalBlocks:
+    def _build_stability_modes(self, reach: float, lumped: bool) -> ModalBlocks:
         modes = self.structure.modes
         assert modes is not None
-        alike = [(element.law, element.damping) for element in self.system.elements]
-        groups = np.array([alike.index(one) for one in alike])
+        kinds = [(element.law, element.damping) for element in self.system.elements]
+        groups = np.array([kinds.index(kind) for kind in kinds])
         return modal_blocks(modes.poles, modes.output, modes.input, groups, reach, lumped)
 
     def flexibility_above(self, frequencies: Array) -> Array:
@@ -221,10 +221,10 @@ class Evaluator:
 
     def linear(self, Omega: float) -> LinearPart:
         """Return the linear part at Omega; the last one is cached for Newton's method at fixed Omega."""
-        last = self._linear
-        if last is None or last[0] != Omega:
-            self._linear = last = (Omega, self.receptance.at(Omega))
-        return last[1]  # another thread may have replaced self._linear meanwhile
+        cached = self._linear
+        if cached is None or cached[0] != Omega:
+            self._linear = cached = (Omega, self.receptance.at(Omega))
+        return cached[1]  # another thread may have replaced self._linear meanwhile
 
     def linearise(self, X: Array, Omega: float) -> tuple[Array, Array, Array, float]:
         """Return R (n,), dR/dX (n, n), dR/dOmega (n,) and the size of the terms of R at a motion X (n,)."""
@@ -248,7 +248,7 @@ class Evaluator:
 
     def _joined(self, rows: Array) -> Array:
         """Return the constrained balance from the balances (n, ...) of the single elements."""
-        out: Array = self.structure.joint @ rows.reshape(self.m, -1)
+        out: Array = self.structure.force_sums @ rows.reshape(self.m, -1)
         return out.reshape(rows.shape)
 
     def _balance(self, X: Array, Omega: float, linear: LinearPart) -> tuple[Array, Array, Array, float]:
@@ -267,13 +267,13 @@ class Evaluator:
         n = self.m * (2 * self.H + 1)
         if n == len(R):
             return forces.add_to(X.reshape(self.m, -1), Omega, R, J, dR)
-        whole = np.zeros(n), np.zeros((n, n)), np.zeros(n)
-        forces.add_to(self.spread(X).reshape(self.m, -1), Omega, *whole)
-        some = (np.arange(self.m)[:, None] * (2 * self.H + 1) + places(self.orders)).ravel()
-        R += whole[0][some]
-        J += whole[1][np.ix_(some, some)]
-        dR += whole[2][some]
-        return float(np.linalg.norm(whole[0][some]))
+        full = np.zeros(n), np.zeros((n, n)), np.zeros(n)
+        forces.add_to(self.spread(X).reshape(self.m, -1), Omega, *full)
+        selected = (np.arange(self.m)[:, None] * (2 * self.H + 1) + places(self.orders)).ravel()
+        R += full[0][selected]
+        J += full[1][np.ix_(selected, selected)]
+        dR += full[2][selected]
+        return float(np.linalg.norm(full[0][selected]))
 
     def spread(self, X: Array) -> Array:
         """Return motions (..., n) with all harmonics 0..H, (..., m (2H + 1)); unchanged if they have 0..H or 0..2H."""
@@ -287,9 +287,9 @@ class Evaluator:
         """Return the number of unknowns of motions X (..., n); raise an error for another size."""
         n = self.m * (2 * len(self.orders) - 1)
         if X.shape[-1] != n:
-            each = "(2H + 1)" if len(self.orders) == self.H + 1 else f"(1 + 2 x {len(self.orders) - 1} orders)"
+            width = "(2H + 1)" if len(self.orders) == self.H + 1 else f"(1 + 2 x {len(self.orders) - 1} orders)"
             raise ValueError(
-                f"X of shape {X.shape}: need the unknowns of one motion, {self.m} x {each} = {n} numbers; a Point of "
+                f"X of shape {X.shape}: need the unknowns of one motion, {self.m} x {width} = {n} numbers; a Point of "
                 "another number of harmonics is converted by problem.from_point(point)"
             )
         return n
@@ -303,15 +303,15 @@ class Evaluator:
     def curvature(self, X: Array, v: Array, h: float, Omega: float) -> tuple[Array, Array]:
         """Return derivatives (n, n) of dR/dX along v, by a central difference, and in Omega; not for AFT laws."""
         n, K, m = self.length(X), len(self.orders), self.m
-        none, Z = LinearPart.zero(K, m), self.linear(Omega).matrices[1]
-        along = (self._balance(X + h * v, Omega, none)[1] - self._balance(X - h * v, Omega, none)[1]) / (2 * h)
+        zero, Z = LinearPart.zero(K, m), self.linear(Omega).matrices[1]
+        dJ_dv = (self._balance(X + h * v, Omega, zero)[1] - self._balance(X - h * v, Omega, zero)[1]) / (2 * h)
         blocks = np.zeros((m, 2 * K - 1, m, 2 * K - 1))
         blocks[:, 0, :, 0] = Z[0].real
         a, b = np.arange(1, 2 * K - 1, 2), np.arange(2, 2 * K, 2)
         blocks[:, a, :, a] = blocks[:, b, :, b] = Z[1:].real
         blocks[:, a, :, b], blocks[:, b, :, a] = Z[1:].imag, -Z[1:].imag
-        across = blocks.reshape(n, n)
-        return (self._joined(along), self._joined(across)) if self.structure.constrained else (along, across)
+        dJ_dOmega = blocks.reshape(n, n)
+        return (self._joined(dJ_dv), self._joined(dJ_dOmega)) if self.structure.constrained else (dJ_dv, dJ_dOmega)
 
     def forces(self, X: Array, Omega: float) -> Array:
         """Return the force harmonics (m, 2H + 1) of all laws in the real basis."""
@@ -324,14 +324,14 @@ class Evaluator:
 
         self.length(X)
         theta, sign, count, _ = instants(self.packed, self.spread(X).reshape(self.m, -1), False)
-        some = np.arange(theta.shape[1]) < count[: len(self.breakpoints), None]
+        is_valid = np.arange(theta.shape[1]) < count[: len(self.breakpoints), None]
         theta, sign = theta[: len(self.breakpoints)], sign[: len(self.breakpoints)]
-        return Crossings(np.nonzero(some)[0], theta[some], sign[some].astype(int))
+        return Crossings(np.nonzero(is_valid)[0], theta[is_valid], sign[is_valid].astype(int))
 
     def gap(self, j: int, row: Array, theta: Array, order: int = 0) -> Array:
         """Return the displacement of element j with coefficients ``row``, or a derivative, at basis phases theta."""
-        displacement, kept = self.system.elements[j].displacement, self.piecewise.retained[:, j]
-        return gap(displacement, kept, self.nu, row, theta, order)
+        displacement, retained = self.system.elements[j].displacement, self.piecewise.retained[:, j]
+        return gap(displacement, retained, self.nu, row, theta, order)
 
     def highest(self, j: int, row: Array, side: float) -> tuple[float, float]:
         """Return the largest value of ``side`` times displacement j, of an element with this motion, and its phase."""

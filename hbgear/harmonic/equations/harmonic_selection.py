@@ -71,44 +71,44 @@ class HarmonicSelection:
         """Order of the fastest mesh, in multiples of the excitation frequency."""
         return max(self.tones, default=1)
 
-    def least(self, H: int) -> int:
+    def min_count(self, H: int) -> int:
         """Return a lower bound of the number of orders selected up to H."""
         return 0 if self.given else H // self.unit
 
     @property
     def described(self) -> dict[str, list[int]]:
         """Plain data for the header of a saved branch."""
-        return {name: list(some) for name, some in vars(self).items() if some}
+        return {name: list(orders) for name, orders in vars(self).items() if orders}
 
-    def kept(self, H: int, nu: int) -> np.ndarray:
+    def selected(self, H: int, nu: int) -> np.ndarray:
         """Return the selected basis harmonics (K + 1,) of Omega / nu up to H, ascending from 0."""
         return _orders_up_to(self, int(H), int(nu))
 
     def of_length(self, n: int, nu: int) -> np.ndarray | None:
         """Return the basis harmonics that give n coefficients per element; None if no H gives this number."""
         low, high = 0, 1
-        while 2 * len(self.kept(high, nu)) - 1 < n and high < HIGHEST * nu:
+        while 2 * len(self.selected(high, nu)) - 1 < n and high < HIGHEST * nu:
             low, high = high, 2 * high
         while low < high:
             middle = (low + high) // 2
-            low, high = (middle + 1, high) if 2 * len(self.kept(middle, nu)) - 1 < n else (low, middle)
-        found = self.kept(low, nu)
-        return found if 2 * len(found) - 1 == n else None
+            low, high = (middle + 1, high) if 2 * len(self.selected(middle, nu)) - 1 < n else (low, middle)
+        orders = self.selected(low, nu)
+        return orders if 2 * len(orders) - 1 == n else None
 
 
 @lru_cache(maxsize=256)
 def _orders_up_to(selection: HarmonicSelection, H: int, nu: int) -> np.ndarray:
-    """Return the selected basis harmonics up to H, see `HarmonicSelection.kept`."""
-    whole = _given(selection, H // nu) if selection.given else _crossed(selection.tones, H // nu)
-    out = {nu * k for k in whole}
+    """Return the selected basis harmonics up to H, see `HarmonicSelection.selected`."""
+    multiples = _given(selection, H // nu) if selection.given else _crossed(selection.tones, H // nu)
+    out = {nu * k for k in multiples}
     if nu > 1 and selection.given:
         out |= {k for k in range(1, H + 1) if k % nu}
     elif nu > 1:
         bound = (1 + H / (nu * selection.unit)) / 2
         out |= {k for k in _combined(selection.tones, nu, bound) if k <= H and k % nu}
-    found = np.array(sorted(out), dtype=np.int64)
-    found.flags.writeable = False
-    return found
+    orders = np.array(sorted(out), dtype=np.int64)
+    orders.flags.writeable = False
+    return orders
 
 
 def _given(selection: HarmonicSelection, H: int) -> set[int]:
@@ -128,16 +128,16 @@ def _crossed(tones: tuple[int, ...], H: int) -> set[int]:
     return {k for k in halves | _combined(tones, 1, bound) if k <= H}
 
 
-def _combined(tones: tuple[int, ...], parts: int, bound: float) -> set[int]:
+def _combined(tones: tuple[int, ...], divisor: int, bound: float) -> set[int]:
     """Return the orders |sum_i a_i p_i|, in units of 1 / parts, with prod_i (1 + |a_i| / parts) <= bound."""
-    found = {(0, 1.0)}
+    terms = {(0, 1.0)}
     for tone in tones:
-        steps = range(-int(parts * max(bound - 1.0, 0.0)), int(parts * max(bound - 1.0, 0.0)) + 1)
-        found = {
-            (k + a * tone, size * (1 + abs(a) / parts))
-            for k, size in found for a in steps if size * (1 + abs(a) / parts) <= bound * (1 + 1e-12)
+        steps = range(-int(divisor * max(bound - 1.0, 0.0)), int(divisor * max(bound - 1.0, 0.0)) + 1)
+        terms = {
+            (k + a * tone, size * (1 + abs(a) / divisor))
+            for k, size in terms for a in steps if size * (1 + abs(a) / divisor) <= bound * (1 + 1e-12)
         }  # fmt: skip
-    return {abs(k) for k, _ in found}
+    return {abs(k) for k, _ in terms}
 
 
 def select_harmonics(orders: Any, system: System, H: int | None = None) -> HarmonicSelection | None:
@@ -186,11 +186,11 @@ def tooth_orders(system: System) -> tuple[int, ...]:
     >>> tooth_orders(hb.SpurPair().system())
     (1,)
     """
-    found = sorted({gcd(*some) for some in excited_orders(system) if some})
-    if not found or any(moving_springs_of(e.law) is None for e in system.elements):
+    bases = sorted({gcd(*orders) for orders in excited_orders(system) if orders})
+    if not bases or any(moving_springs_of(e.law) is None for e in system.elements):
         return (1,)
     return tuple(
-        k for k in found if not any(k % other == 0 and other < k < _SEPARATE_ORDER_RATIO * other for other in found)
+        k for k in bases if not any(k % other == 0 and other < k < _SEPARATE_ORDER_RATIO * other for other in bases)
     )
 
 
@@ -200,15 +200,15 @@ def excited_orders(system: System, corners: bool = True) -> list[list[int]]:
     corners : whether to include functions with breakpoints, which have infinitely many orders.
     """
     functions = [f for e in system.elements for f in (*_stiffness(e.law), e.displacement)]
-    each = [_orders(f) for f in functions if corners or not f.corners]
-    return each + [[k for k in load.complex(system.n) if k] for load in system.loads]
+    orders = [_orders(f) for f in functions if corners or not f.corners]
+    return orders + [[k for k in load.complex(system.n) if k] for load in system.loads]
 
 
 def _stiffness(law: Any) -> list[Phased]:
     """Return the periodic stiffness functions of a law; none if they are unknown."""
-    known = moving_springs_of(law)
+    split_law = moving_springs_of(law)
     levels = [contact.level for contact in contacts_of(law)]
-    return [*(one.spring.stiffness for one in known[0]), *levels] if known else []
+    return [*(spring.spring.stiffness for spring in split_law[0]), *levels] if split_law else []
 
 
 def _orders(function: Phased) -> list[int]:
@@ -218,9 +218,9 @@ def _orders(function: Phased) -> list[int]:
     """
     if not isinstance(function, Periodic):
         return _not_zero(function.row())
-    times = _repetitions(function)
-    if times > 1:
-        return [times * k for k in _orders(_first_repetition(function, times))]
+    count = _repetitions(function)
+    if count > 1:
+        return [count * k for k in _orders(_first_repetition(function, count))]
     first = _not_zero(function.row(_FIRST_ORDERS))
     return first if gcd(*first) == 1 else _not_zero(function.row(_SERIES_ORDERS))
 
@@ -228,30 +228,30 @@ def _orders(function: Phased) -> list[int]:
 def _not_zero(row: np.ndarray) -> list[int]:
     """Return the orders of a real row whose amplitudes are not zero."""
     size = np.hypot(row[1::2], row[2::2])
-    found: list[int] = (1 + np.flatnonzero(size > _ZERO_AMPLITUDE_RATIO * np.abs(row).max(initial=0.0))).tolist()
-    return found
+    orders: list[int] = (1 + np.flatnonzero(size > _ZERO_AMPLITUDE_RATIO * np.abs(row).max(initial=0.0))).tolist()
+    return orders
 
 
 def _repetitions(function: Periodic) -> int:
     """Return the number of equal parts of a period, 1 if the function does not repeat itself within it."""
-    phases, pieces = np.array(function.phases), len(function.phases)
-    rows = np.zeros((pieces, max(len(row) for row in function.coefficients)))
-    for row, given in zip(rows, function.coefficients, strict=True):
-        row[: len(given)] = given
+    phases, segments = np.array(function.phases), len(function.phases)
+    rows = np.zeros((segments, max(len(row) for row in function.coefficients)))
+    for row, coefficients in zip(rows, function.coefficients, strict=True):
+        row[: len(coefficients)] = coefficients
     size = np.abs(rows).max(axis=0)
-    for times in range(pieces, 1, -1):
-        if pieces % times:
+    for count in range(segments, 1, -1):
+        if segments % count:
             continue
-        n = pieces // times
-        later = np.append(phases[n:], phases[:n] + TURN)
-        same = np.abs(np.roll(rows, -n, axis=0) - rows) <= _ZERO_AMPLITUDE_RATIO * pieces * size
-        if same.all() and np.abs(later - phases - TURN / times).max() <= 1e-12 * TURN:
-            return times
+        n = segments // count
+        shifted = np.append(phases[n:], phases[:n] + TURN)
+        is_equal = np.abs(np.roll(rows, -n, axis=0) - rows) <= _ZERO_AMPLITUDE_RATIO * segments * size
+        if is_equal.all() and np.abs(shifted - phases - TURN / count).max() <= 1e-12 * TURN:
+            return count
     return 1
 
 
-def _first_repetition(function: Periodic, times: int) -> Periodic:
+def _first_repetition(function: Periodic, count: int) -> Periodic:
     """Return the first of the equal parts of a period, as a function of its own phase."""
-    n = len(function.phases) // times
-    rows = tuple(tuple(x / float(times) ** q for q, x in enumerate(row)) for row in function.coefficients[:n])
-    return Periodic(tuple(times * phase for phase in function.phases[:n]), rows)
+    n = len(function.phases) // count
+    rows = tuple(tuple(x / float(count) ** q for q, x in enumerate(row)) for row in function.coefficients[:n])
+    return Periodic(tuple(count * phase for phase in function.phases[:n]), rows)

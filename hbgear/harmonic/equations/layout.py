@@ -212,10 +212,10 @@ def register_measure(
     def register(function: Any) -> Any:
         if not callable(function):
             raise TypeError(f"register_measure needs a function of coefficients (..., 2H + 1), got {quoted(function)}")
-        own = str(getattr(function, "__name__", "")) if name is None else name
-        _check_name(own, function)
-        _check_function(own, function)
-        MEASURES[own] = Measure(own, function, text or own, dimension, unit, peaks, default)
+        measure_name = str(getattr(function, "__name__", "")) if name is None else name
+        _check_name(measure_name, function)
+        _check_function(measure_name, function)
+        MEASURES[measure_name] = Measure(measure_name, function, text or measure_name, dimension, unit, peaks, default)
         return function
 
     return register if function is None else register(function)
@@ -228,10 +228,10 @@ def _check_name(name: str, function: Callable[[Array], Array]) -> None:
             f"register_measure: the name {quoted(name)} must be letters, digits and _, and not H1, H2, ...; "
             "give another one: register_measure(name=...)"
         )
-    known = MEASURES.get(name)
-    if known is not None and (name in BUILT_IN_MEASURES or origin_of(known.function) != origin_of(function)):
+    existing = MEASURES.get(name)
+    if existing is not None and (name in BUILT_IN_MEASURES or origin_of(existing.function) != origin_of(function)):
         raise ValueError(
-            f"register_measure: the name '{name}' belongs to {'.'.join(origin_of(known.function))}; "
+            f"register_measure: the name '{name}' belongs to {'.'.join(origin_of(existing.function))}; "
             "give another one: register_measure(name=...)"
         )
 
@@ -242,14 +242,14 @@ def _check_function(name: str, function: Callable[[Array], Array]) -> None:
         X = np.cos(np.arange(2 * 3 * (2 * H + 1))).reshape(2, 3, -1)
         try:
             values = np.asarray(function(X.copy()), dtype=float)
-            good = values.shape == (2, 3) and np.isfinite(values).all()
-            good = good and np.allclose(values[1, 2], function(X[1, 2].copy()), rtol=1e-9, atol=1e-12)
+            is_valid = values.shape == (2, 3) and np.isfinite(values).all()
+            is_valid = is_valid and np.allclose(values[1, 2], function(X[1, 2].copy()), rtol=1e-9, atol=1e-12)
         except (IndexError, TypeError, ValueError) as error:
             raise ValueError(
                 f"register_measure: the measure '{name}' fails for coefficients of shape (2, 3, {2 * H + 1}) "
                 f"({type(error).__name__}: {error}); index them as X[..., i] and reduce over axis=-1"
             ) from error
-        if not good:
+        if not is_valid:
             raise ValueError(
                 f"register_measure: the measure '{name}' must return one finite value for each set of coefficients: "
                 f"shape (2, 3) for (2, 3, {2 * H + 1}), got shape {values.shape}; reduce over axis=-1"
@@ -348,21 +348,21 @@ def _measured_by(name: str, H: int, nu: int) -> Callable[[Array], Array]:
     """Return the function of a measure for coefficients of H harmonics; see `measure`."""
     if name in MEASURES:
         return MEASURES[name].function
-    found = _HARMONIC.fullmatch(name)
-    if found is None:
+    match = _HARMONIC.fullmatch(name)
+    if match is None:
         raise ValueError(f"no measure '{name}'; there are {_names(H, nu)}")
-    above, below = int(found[1]) * nu, int(found[2] or 1)
-    if above % below or not 1 <= above // below <= H:
+    numerator, denominator = int(match[1]) * nu, int(match[2] or 1)
+    if numerator % denominator or not 1 <= numerator // denominator <= H:
         raise ValueError(f"no harmonic '{name}' among H = {H} harmonics of order nu = {nu}; there are {_names(H, nu)}")
-    return partial(harmonic, k=above // below)
+    return partial(harmonic, k=numerator // denominator)
 
 
-def check_measure(where: str, name: str) -> None:
+def check_measure(caller: str, name: str) -> None:
     """Raise an error for the name of an unknown measure.
 
     Parameters
     ----------
-    where : str
+    caller : str
         Name of the function, for the message.
     name : str
         Name of the measure.
@@ -373,15 +373,15 @@ def check_measure(where: str, name: str) -> None:
         If there is no such measure.
     """
     if not is_measure(name):
-        raise ValueError(f"{where}: no measure '{name}'; there are {', '.join(MEASURES)}, H1, H2, ...")
+        raise ValueError(f"{caller}: no measure '{name}'; there are {', '.join(MEASURES)}, H1, H2, ...")
 
 
-def check_peaks(where: str, name: str) -> None:
+def check_peaks(caller: str, name: str) -> None:
     """Raise an error for a measure whose peaks cannot be located.
 
     Parameters
     ----------
-    where : str
+    caller : str
         Name of the function, for the message.
     name : str
         Name of the measure.
@@ -391,21 +391,21 @@ def check_peaks(where: str, name: str) -> None:
     ValueError
         If there is no such measure, or it was registered with ``peaks=False``.
     """
-    check_measure(where, name)
+    check_measure(caller, name)
     if name in MEASURES and not MEASURES[name].peaks:
-        usable = ", ".join(known for known, entry in MEASURES.items() if entry.peaks)
+        usable = ", ".join(key for key, entry in MEASURES.items() if entry.peaks)
         raise ValueError(
-            f"{where}: peaks of '{name}' cannot be located, because it is registered with peaks=False; "
+            f"{caller}: peaks of '{name}' cannot be located, because it is registered with peaks=False; "
             f"use {usable} or H1, H2, ..."
         )
 
 
-def check_displacement(where: str, name: str) -> None:
+def check_displacement(caller: str, name: str) -> None:
     """Raise an error for a measure that is not a displacement, and cannot be compared with lengths.
 
     Parameters
     ----------
-    where : str
+    caller : str
         Name of the function, for the message.
     name : str
         Name of the measure.
@@ -415,10 +415,10 @@ def check_displacement(where: str, name: str) -> None:
     ValueError
         If there is no such measure, or it has another unit than the motion.
     """
-    check_measure(where, name)
+    check_measure(caller, name)
     if name in MEASURES and (MEASURES[name].unit or MEASURES[name].dimension != 1):
-        usable = ", ".join(known for known, entry in MEASURES.items() if entry.dimension == 1 and not entry.unit)
-        raise ValueError(f"{where}: the measure '{name}' is not a displacement; use {usable} or H1, H2, ...")
+        usable = ", ".join(key for key, entry in MEASURES.items() if entry.dimension == 1 and not entry.unit)
+        raise ValueError(f"{caller}: the measure '{name}' is not a displacement; use {usable} or H1, H2, ...")
 
 
 def derivative(X: Array, rate: ArrayLike, order: int) -> Array:
@@ -479,8 +479,8 @@ class Layout:
     @property
     def width(self) -> int:
         """Number of unknowns m (2H + 1), with the number of orders instead of H if X does not contain all."""
-        kept = self.harmonics if self.orders is None else len(self.orders)
-        return len(self.elements) * (2 * kept + 1)
+        count = self.harmonics if self.orders is None else len(self.orders)
+        return len(self.elements) * (2 * count + 1)
 
     @property
     def regimes(self) -> tuple[str, ...]:
@@ -539,9 +539,9 @@ class Layout:
         Motions of different periods are compared over a common multiple.
         """
         nu = math.lcm(self.nu, other.nu)
-        few, apart = sorted((self._amplitudes(X, nu), other._amplitudes(Y, nu)), key=np.size)
-        apart[:, : few.shape[1]] -= few
-        return norm(apart)
+        shorter, difference = sorted((self._amplitudes(X, nu), other._amplitudes(Y, nu)), key=np.size)
+        difference[:, : shorter.shape[1]] -= shorter
+        return norm(difference)
 
     def _amplitudes(self, X: Array, nu: int) -> Array:
         """Return means and rms values (m, H nu / self.nu + 1) of the harmonics of Omega / nu."""
@@ -560,12 +560,12 @@ class Layout:
         return derivative(rows, parameters["Omega"] / self.nu, order)
 
 
-def layout_of(found: Branch | Point) -> Layout | None:
+def layout_of(source: Branch | Point) -> Layout | None:
     """Return the layout of a curve or a point.
 
     Parameters
     ----------
-    found : Branch or Point
+    source : Branch or Point
         Curve or point.
 
     Returns
@@ -573,4 +573,4 @@ def layout_of(found: Branch | Point) -> Layout | None:
     Layout or None
         The layout; None if the unknowns are not coefficients of periodic motions.
     """
-    return found.layout if isinstance(found.layout, Layout) else None
+    return source.layout if isinstance(source.layout, Layout) else None

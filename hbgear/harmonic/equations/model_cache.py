@@ -57,7 +57,7 @@ class ModelCache:
 
     Attributes
     ----------
-    own : dict of str to float
+    defaults : dict of str to float
         Default values of the parameters and of the entries of tuples, by name.
     sets : int
         Number of parameter sets whose evaluators are kept.
@@ -67,7 +67,7 @@ class ModelCache:
 
     def __init__(self, model: Model, system: System, discretization: Discretization, reduce: bool) -> None:
         self.model, self.discretization, self.reduce = model, discretization, reduce
-        self.own = model.parameters | model.entries
+        self.defaults = model.parameters | model.entries
         self.sets = EVALUATOR_SETS
         self.reduced_for: float | None = None
         self._expansion: FirstOrderExpansion | None = None
@@ -132,16 +132,16 @@ class ModelCache:
 
     def check_parameter(self, name: str) -> None:
         """Raise KeyError for a name other than Omega and the parameters of the model."""
-        known = ("Omega", *self.own)
-        if name not in known:
-            raise KeyError(f"{type(self.model).__name__} has no parameter '{name}'{did_you_mean(name, known)}")
+        names = ("Omega", *self.defaults)
+        if name not in names:
+            raise KeyError(f"{type(self.model).__name__} has no parameter '{name}'{did_you_mean(name, names)}")
 
     def changes(self, parameters: Mapping[str, float]) -> Changes:
         """Return the parameters, Omega apart, that differ from those of the model."""
-        changed = {k: v for k, v in parameters.items() if k != "Omega" and v != self.own.get(k)}
+        changed = {k: v for k, v in parameters.items() if k != "Omega" and v != self.defaults.get(k)}
         if not changed:  # the usual case of every evaluation along a curve in Omega
             return ()
-        for name in changed.keys() - self.own.keys():
+        for name in changed.keys() - self.defaults.keys():
             self.check_parameter(name)
         return tuple(sorted(changed.items()))
 
@@ -150,11 +150,11 @@ class ModelCache:
 
         It is the ``usual`` unit if a step of that unit has an effect beyond rounding, or no larger step has one.
         """
-        own = self.evaluator({})
-        length, Omega = longest(own.system) or 1.0, abs(float(np.mean(self.model.default_span)))
+        default = self.evaluator({})
+        length, Omega = longest(default.system) or 1.0, abs(float(np.mean(self.model.default_span)))
         X = np.zeros((self.discretization.m, self.discretization.size // self.discretization.m))
         X[:, :3] = length * np.array([0.5, 1.5, 0.5])
-        R, *_, size = own.linearise(X.ravel(), Omega)
+        R, *_, size = default.linearise(X.ravel(), Omega)
         first = h = STEP * usual
         while h < MAX_PARAMETER_STEP:
             try:
@@ -212,12 +212,12 @@ class ModelCache:
             return SpeedDependentStructure(system)
         if system.receptances is not None:
             return MeasuredStructure(system)
-        make = LinearStructure if self._expansion is None else self._expansion.of
+        build = LinearStructure if self._expansion is None else self._expansion.of
         dense = [A for A in (system.M, system.C, system.K) if isinstance(A, np.ndarray)]
         if len(dense) < 3:
-            return make(system)
+            return build(system)
         damping: Array = np.array([e.damping for e in system.elements])
         key = (*(A.tobytes() for A in (*dense, system.W, references(system), damping)),)
-        structure = self._structures.get(key, lambda: make(system))
+        structure = self._structures.get(key, lambda: build(system))
         structure.check_balance(system)
         return structure

@@ -89,11 +89,11 @@ def _fill_friction_regimes(evaluator: Evaluator, margins: Array, regimes: np.nda
 
 def _fill_vector_regimes(evaluator: Evaluator, extremes: Array, regimes: np.ndarray) -> None:
     """Replace the regime codes (P, m) of elements of vector laws by the number of edges that the motion crosses."""
-    at = 0
+    first = 0
     for rows, _, count in edged_laws(evaluator):
-        own = extremes[:, at : at + 2 * count].reshape(len(extremes), count, 2)
-        regimes[:, rows] = np.minimum(((own[..., 0] < 0) & (own[..., 1] > 0)).sum(axis=1), 2)[:, None]
-        at += 2 * count
+        values = extremes[:, first : first + 2 * count].reshape(len(extremes), count, 2)
+        regimes[:, rows] = np.minimum(((values[..., 0] < 0) & (values[..., 1] > 0)).sum(axis=1), 2)[:, None]
+        first += 2 * count
 
 
 def slider_positions(evaluator: Evaluator, X: Array, theta: float) -> Array:
@@ -105,16 +105,16 @@ def slider_positions(evaluator: Evaluator, X: Array, theta: float) -> Array:
 
     rows = _rows(evaluator, X)
     motion = slider_motion(evaluator.packed, rows)
-    for i, (j, one, limit) in enumerate(sliders):
+    for i, (j, slider, limit) in enumerate(sliders):
         begin = motion.begin[i, : motion.number[i]]
         p = int(np.searchsorted(begin, begin[0] + (theta - begin[0]) % (2 * np.pi), side="right")) - 1
-        at, kind = np.array([theta]), int(motion.kind[i, p])
+        phase, kind = np.array([theta]), int(motion.kind[i, p])
         if kind == STICK:
             out[i] = motion.position[i, p]
             continue
-        d_n = evaluator.gap(limit.normal, rows[limit.normal], at) if limit.normal >= 0 else None
-        slip, reach = 0 if kind == OPEN else kind, limit_at(limit, d_n, evaluator.nu * at)[0] / one.k
-        out[i] = float(evaluator.gap(j, rows[j], at)[0] - slip * reach)
+        d_n = evaluator.gap(limit.normal, rows[limit.normal], phase) if limit.normal >= 0 else None
+        slip, reach = 0 if kind == OPEN else kind, limit_at(limit, d_n, evaluator.nu * phase)[0] / slider.k
+        out[i] = float(evaluator.gap(j, rows[j], phase)[0] - slip * reach)
     return out
 
 
@@ -124,9 +124,9 @@ def clearance(evaluator: Evaluator, X: Array) -> Array:
     return clearance
 
 
-def grazing_distance(evaluator: Evaluator, X: Array, which: int) -> tuple[float, float]:
-    """Return entry ``which`` of `clearance` and the phase of the basis at which its extremum lies."""
-    breakpoint_, sign = which // 2, 1 if which % 2 else -1
+def grazing_distance(evaluator: Evaluator, X: Array, index: int) -> tuple[float, float]:
+    """Return entry ``index`` of `clearance` and the phase of the basis at which its extremum lies."""
+    breakpoint_, sign = index // 2, 1 if index % 2 else -1
     element = int(evaluator.element[breakpoint_])
     displacement = int(evaluator.displacement[breakpoint_])
     value, theta = evaluator.highest(displacement, _rows(evaluator, X)[element], float(sign))
@@ -170,20 +170,20 @@ def with_driven_harmonics(evaluator: Evaluator, X: Array, Omega: Array) -> Array
 
     evaluator.length(X)
     X, Omega = evaluator.spread(X), writable(Omega)
-    left = evaluator.packed.linear.truncated_orders
-    f = np.zeros((len(X), evaluator.m, len(left)), dtype=complex)
+    truncated_orders = evaluator.packed.linear.truncated_orders
+    f = np.zeros((len(X), evaluator.m, len(truncated_orders)), dtype=complex)
     truncated_force_harmonics(evaluator.packed, X, Omega, f)
     for forces in evaluator.python_forces:
-        forces.add_truncated(X, Omega, left, f)
-    unstated = np.flatnonzero([law.reference == 0 for law in evaluator.laws])  # laws without a reference stiffness
+        forces.add_truncated(X, Omega, truncated_orders, f)
+    unreferenced = np.flatnonzero([law.reference == 0 for law in evaluator.laws])  # laws without a reference stiffness
     excitation = evaluator.receptance.truncated
-    if not unstated.size and evaluator.structure.modal and excitation is None:
+    if not unreferenced.size and evaluator.structure.modal and excitation is None:
         out = _with_zeros(evaluator, X)
         driven_response(evaluator.packed.linear, Omega, f, out)
         return out
     direct = None if excitation is None else excitation.response(evaluator.structure, Omega, f)
-    beyond = _stiffness_beyond_reference(evaluator, X, unstated) if unstated.size else None
-    return _with_harmonics(evaluator, X, _response_to_forces(evaluator, Omega, f, beyond, direct))
+    extra_stiffness = _stiffness_beyond_reference(evaluator, X, unreferenced) if unreferenced.size else None
+    return _with_harmonics(evaluator, X, _response_to_forces(evaluator, Omega, f, extra_stiffness, direct))
 
 
 def with_excited_harmonics(evaluator: Evaluator, X: Array, Omega: Array) -> Array:
@@ -216,8 +216,8 @@ def _with_harmonics(evaluator: Evaluator, X: Array, truncated: Array) -> Array:
 
 def truncation_errors(evaluator: Evaluator, extended: Array) -> Array:
     """Return the rms (P,) of the truncated harmonics of motions, as of `with_driven_harmonics`."""
-    beyond = extended.reshape(len(extended), evaluator.m, -1)[..., places(evaluator.packed.linear.truncated_orders)]
-    rms: Array = np.sqrt(0.5 * np.sum(beyond**2, axis=(1, 2)))
+    truncated = extended.reshape(len(extended), evaluator.m, -1)[..., places(evaluator.packed.linear.truncated_orders)]
+    rms: Array = np.sqrt(0.5 * np.sum(truncated**2, axis=(1, 2)))
     return rms
 
 
@@ -237,13 +237,13 @@ def largest_amplitudes(problem: Any, curve: Branch) -> Array:
     """
     motions = []
     for i, x in enumerate(curve.X):
-        here = curve.parameters_at(i)
+        parameters = curve.parameters_at(i)
         X = problem.from_layout(x, curve.layout)
-        motions.append(with_driven_harmonics(problem.compiled(here), X[None], np.array([here["Omega"]]))[0])
+        motions.append(with_driven_harmonics(problem.compiled(parameters), X[None], np.array([parameters["Omega"]]))[0])
     rows = np.array(motions).reshape(len(motions), problem.m, -1)
     cosine, sine = (rows[..., 2 * problem.nu - offset :: 2 * problem.nu] for offset in (1, 0))
-    sizes: Array = np.hypot(cosine, sine).max(axis=(0, 1))
-    return sizes
+    amplitudes: Array = np.hypot(cosine, sine).max(axis=(0, 1))
+    return amplitudes
 
 
 def _stiffness_beyond_reference(evaluator: Evaluator, X: Array, elements: np.ndarray) -> Array:
@@ -251,23 +251,23 @@ def _stiffness_beyond_reference(evaluator: Evaluator, X: Array, elements: np.nda
     basis, out = evaluator.packed.basis, np.zeros((len(X), evaluator.m))
     N = basis.shape[1]
     tau = np.tile(2 * np.pi * (evaluator.nu * np.arange(N) % N) / N, len(X))
-    still = np.zeros(len(tau))
+    zeros = np.zeros(len(tau))
     d = X.reshape(len(X), evaluator.m, -1) @ basis
     grid = evaluator.piecewise.grid
     d[..., : grid.shape[2]] += grid[0]
     for j in elements.tolist():
-        slope = evaluator.laws[j].force(d[:, j].ravel(), still, tau)[1]
+        slope = evaluator.laws[j].force(d[:, j].ravel(), zeros, tau)[1]
         out[:, j] = np.mean(np.reshape(slope, (-1, N)), axis=1) - evaluator.structure.kr[j]
     return out
 
 
 def _response_to_forces(
-    evaluator: Evaluator, Omega: Array, f: ComplexArray, beyond: Array | None, direct: ComplexArray | None
+    evaluator: Evaluator, Omega: Array, f: ComplexArray, extra_stiffness: Array | None, direct: ComplexArray | None
 ) -> Array:
     """Return the response (P, m, 2L) to truncated forces, as `driven_response` for any structure.
 
-    beyond (P, m) : stiffness of the elements minus their reference springs, zero by default. direct (P, m, L) :
-    displacements of the elements without forces, zero by default.
+    extra_stiffness (P, m) : stiffness of the elements minus their reference springs, zero by default.
+    direct (P, m, L) : displacements of the elements without forces, zero by default.
     """
     ratio = evaluator.packed.linear.truncated_orders / evaluator.nu
     G = np.zeros((len(Omega), len(ratio), evaluator.m, evaluator.m), dtype=complex)
@@ -276,13 +276,13 @@ def _response_to_forces(
         if modes is not None:
             G[i] = (modes.output / (1j * w * ratio[:, None, None] - modes.poles)) @ modes.input
             continue
-        known = w * ratio <= evaluator.structure.highest
-        G[i, known] = evaluator.structure.receptances(w, ratio[known])[0] if known.any() else 0.0
+        is_known = w * ratio <= evaluator.structure.highest
+        G[i, is_known] = evaluator.structure.receptances(w, ratio[is_known])[0] if is_known.any() else 0.0
     delta = G @ f.transpose(0, 2, 1)[..., None]
     if direct is not None:
         delta -= direct.transpose(0, 2, 1)[..., None]
-    if beyond is not None:
-        delta = np.linalg.solve(np.eye(evaluator.m) + G * beyond[:, None, None, :], delta)
+    if extra_stiffness is not None:
+        delta = np.linalg.solve(np.eye(evaluator.m) + G * extra_stiffness[:, None, None, :], delta)
     delta = delta[..., 0].transpose(0, 2, 1)
     return np.stack([-delta.real, delta.imag], axis=-1).reshape(*f.shape[:2], -1)
 
@@ -297,18 +297,18 @@ def monitored_quantities(evaluator: Evaluator, X: Array, Omega: Array) -> tuple[
     """
     clearances, regimes = evaluator.extrema_and_regime(X)
     extended = with_driven_harmonics(evaluator, X, Omega)
-    each = zip(clearances, regimes, truncation_errors(evaluator, extended).tolist(), strict=True)
-    observed = [{"clearance": c, "regime": r, "error": e} for c, r, e in each]
+    results = zip(clearances, regimes, truncation_errors(evaluator, extended).tolist(), strict=True)
+    observed = [{"clearance": c, "regime": r, "error": e} for c, r, e in results]
     if evaluator.sliders:
         margins = slip_margins(evaluator, X)
         _fill_friction_regimes(evaluator, margins, regimes)  # the codes of ``observed`` are views
-        for one, margin in zip(observed, margins, strict=True):
-            one["slip"] = margin
+        for quantities, margin in zip(observed, margins, strict=True):
+            quantities["slip"] = margin
     if edged_laws(evaluator):
         extremes = edge_extremes(evaluator, X)
         _fill_vector_regimes(evaluator, extremes, regimes)
-        for one, edges in zip(observed, extremes, strict=True):
-            one["edge"] = edges
+        for quantities, edges in zip(observed, extremes, strict=True):
+            quantities["edge"] = edges
     return observed, extended
 
 
@@ -345,17 +345,17 @@ def with_enough_samples(problem: Any, X: Array, parameters: Mapping[str, float])
     `CORNER_SAMPLES` or more, because the motion may reach its breakpoints later on the curve.
     """
     limit = min(MAX_SAMPLES // max(problem.m, 1), MAX_CHOSEN_SAMPLES)
-    best, known = problem, X
-    least = min(limit, CORNER_SAMPLES) if _samples_have_corners(problem.compiled(parameters)) else 0
-    if least > best.N:
-        best = best.denser(math.ceil(least / best.N))
+    best, motion = problem, X
+    min_samples = min(limit, CORNER_SAMPLES) if _samples_have_corners(problem.compiled(parameters)) else 0
+    if min_samples > best.N:
+        best = best.denser(math.ceil(min_samples / best.N))
     while limit >= 2 * best.N:
         denser = best.denser(2)
-        if norm(newton_step(denser, known, parameters)) <= MAX_ALIASING * norm(known):
+        if norm(newton_step(denser, motion, parameters)) <= MAX_ALIASING * norm(motion):
             break
         best = denser
         with suppress(NoConvergence):
-            known = solve(best, known, parameters).X
+            motion = solve(best, motion, parameters).X
     return best
 
 
@@ -387,41 +387,41 @@ def add_resolution_error(
     """
     if not len(X):
         return
-    here = [{**parameters, name: value} for value in values.tolist()]
-    evaluator, known = problem.compiled(here[0]), np.array([one["error"] for one in observed])
+    parameter_sets = [{**parameters, name: value} for value in values.tolist()]
+    evaluator, truncation = problem.compiled(parameter_sets[0]), np.array([entry["error"] for entry in observed])
     if evaluator.aft_laws or evaluator.damped:
         checked, interval, unit = np.arange(len(X)), CHECK_INTERVAL, np.ones(len(X))
     elif len(evaluator.breakpoints) or evaluator.sliders:
-        checked = np.flatnonzero(known > MIN_CHECKED_ERROR * np.linalg.norm(X, axis=1))
-        interval, unit = PROJECTED_CHECK_INTERVAL, known
+        checked = np.flatnonzero(truncation > MIN_CHECKED_ERROR * np.linalg.norm(X, axis=1))
+        interval, unit = PROJECTED_CHECK_INTERVAL, truncation
     else:
         return
-    some = checked[min(interval // 2, max(len(checked) - 1, 0)) :: interval]
-    found = [max(_resolution_error(problem, X[i], here[i]), known[i]) / unit[i] for i in some]
-    for i in checked.tolist() if found else ():
-        observed[i]["error"] = float(np.fmax(known[i], unit[i] * np.interp(i, some, found)))
+    subset = checked[min(interval // 2, max(len(checked) - 1, 0)) :: interval]
+    ratios = [max(_resolution_error(problem, X[i], parameter_sets[i]), truncation[i]) / unit[i] for i in subset]
+    for i in checked.tolist() if ratios else ():
+        observed[i]["error"] = float(np.fmax(truncation[i], unit[i] * np.interp(i, subset, ratios)))
 
 
-def _finer(problem: Any, here: Mapping[str, float]) -> Any:
+def _finer(problem: Any, parameters: Mapping[str, float]) -> Any:
     """Return the balance with twice the harmonics, and more samples per harmonic of laws evaluated by AFT.
 
     There are four times as many, or twice as many of a law with breakpoints, whose number is large. The harmonics are
     the same if twice as many are too many, or a reduced or measured structure is not known at their frequencies. None
     is returned if the samples are too many as well, or are not used.
     """
-    evaluator, refined = problem.compiled(here), problem.refined_problem
-    whole = problem.models.reduced_for is None and math.isinf(evaluator.structure.highest)
-    doubled = 2 * problem.size <= MAX_CHECKED_UNKNOWNS and (whole or refined is not None)
+    evaluator, refined = problem.compiled(parameters), problem.refined_problem
+    is_unreduced = problem.models.reduced_for is None and math.isinf(evaluator.structure.highest)
+    can_double = 2 * problem.size <= MAX_CHECKED_UNKNOWNS and (is_unreduced or refined is not None)
     if not evaluator.aft_laws:
-        return (refined or problem.denser(1, 2)) if doubled else None
-    times = 2 if _samples_have_corners(evaluator) else 4
-    for harmonics in (2, 1) if doubled else (1,):
+        return (refined or problem.denser(1, 2)) if can_double else None
+    factor = 2 if _samples_have_corners(evaluator) else 4
+    for harmonics in (2, 1) if can_double else (1,):
         with suppress(ValueError):
-            return problem.denser(times, harmonics)
+            return problem.denser(factor, harmonics)
     return None
 
 
-def _resolution_error(problem: Any, X: Array, here: Mapping[str, float]) -> float:
+def _resolution_error(problem: Any, X: Array, parameters: Mapping[str, float]) -> float:
     """Return the rms distance of a motion from the one with more samples and harmonics; nan if it is unknown.
 
     It is the Newton step at the same Omega if a second step with the same Jacobian is shorter (Deuflhard's natural
@@ -429,23 +429,23 @@ def _resolution_error(problem: Any, X: Array, here: Mapping[str, float]) -> floa
     free, and the distance from the curve is returned; a change of Omega, relative to Omega, weighs as much as that of
     the motion relative to its size.
     """
-    more = _finer(problem, here)
-    if more is None:
+    refined = _finer(problem, parameters)
+    if refined is None:
         return math.nan
-    start = more.resized(X)
-    R, J, slope, _ = more.linearise(start, "Omega", **here)
+    start = refined.resized(X)
+    R, J, slope, _ = refined.linearise(start, "Omega", **parameters)
     weight = np.sqrt(np.where(np.arange(len(start)) % (len(start) // problem.m) == 0, 1.0, 0.5))
     try:
         factors = Factors(J)
-        step, drift = factors.solve(np.column_stack([-R, -slope])).T
+        step, tangent = factors.solve(np.column_stack([-R, -slope])).T
         if not np.isfinite(step).all():
             return math.nan
-        second = factors.solve(-more.linearise(start + step, "", **here).R)
+        second = factors.solve(-refined.linearise(start + step, "", **parameters).R)
     except np.linalg.LinAlgError:
         return math.nan
-    moved = weight * step
-    if norm(weight * second) < norm(moved):
-        return norm(moved)
-    along, size = weight * drift, norm(weight * start)
-    change = -(moved @ along) / (along @ along + (size / here["Omega"]) ** 2)
-    return norm(moved + change * along)
+    weighted_step = weight * step
+    if norm(weight * second) < norm(weighted_step):
+        return norm(weighted_step)
+    direction, size = weight * tangent, norm(weight * start)
+    change = -(weighted_step @ direction) / (direction @ direction + (size / parameters["Omega"]) ** 2)
+    return norm(weighted_step + change * direction)

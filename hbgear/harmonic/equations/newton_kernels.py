@@ -36,7 +36,7 @@ _MAX_HALVINGS = 12
 
 @kernel
 def locate(
-    packed: Any, which: int, u: Any, plain: int, tolerance: float, most: int, R: Any, A: Any
+    packed: Any, condition: int, u: Any, plain: int, tolerance: float, max_iterations: int, R: Any, A: Any
 ) -> tuple[int, float]:
     """Solve {R, g} = 0 by Newton's method, starting at u.
 
@@ -44,7 +44,7 @@ def locate(
     ----------
     packed : PackedModel
         Arrays of the model.
-    which : int
+    condition : int
         Index of the clearance that vanishes, see `HarmonicBalance.clearance`; or `FOLD`, or `HELD` for a fixed Omega.
     u : ndarray, shape (n + 1,)
         Initial guess (X, Omega), overwritten by the solution.
@@ -53,7 +53,7 @@ def locate(
         below ``tolerance``; except for `HELD`, one more step is taken if it reduces the residual.
     tolerance : float
         Tolerance of the residual, relative to the size of its terms.
-    most : int
+    max_iterations : int
         Maximum number of iterations.
     R : ndarray, shape (n + 1,)
         Array for the residual at the solution.
@@ -68,50 +68,50 @@ def locate(
         Size of the terms of R.
     """
     n, workspace = u.shape[0] - 1, workspace_for(packed)
-    rest, J, dR = np.empty(n), np.empty((n, n)), np.empty(n)
-    borders, trial, after, B = np.empty((2, n)), u.copy(), np.empty(n + 1), np.empty((n + 1, n + 1))
-    count, halved, last, factor, weight, size = -1, 0, False, 1.0, 1.0, 1.0
+    residual, J, dR = np.empty(n), np.empty((n, n)), np.empty(n)
+    borders, trial, new_R, B = np.empty((2, n)), u.copy(), np.empty(n + 1), np.empty((n + 1, n + 1))
+    count, halved, is_final, factor, weight, size = -1, 0, False, 1.0, 1.0, 1.0
     while True:  # one call only: each further call of an inlined function adds its compile time
-        new = residual_and_jacobian(packed, trial, rest, J, dR, workspace)
+        new_size = residual_and_jacobian(packed, trial, residual, J, dR, workspace)
         if count < 0:
-            weight = new / (_fill_borders(J, borders) if which == FOLD else 1.0 + scaled_norm(u[:n]))
-        if which == HELD:
+            weight = new_size / (_fill_borders(J, borders) if condition == FOLD else 1.0 + scaled_norm(u[:n]))
+        if condition == HELD:
             g = _fixed_parameter(B[n])
-        elif which == FOLD:
+        elif condition == FOLD:
             g = _determinant(packed, trial[:n], J, borders, B[n], workspace)
         else:
-            g = _clearance(packed, which, workspace, B[n])
-        _fill(rest, J, dR, g, weight, after, B)
+            g = _clearance(packed, condition, workspace, B[n])
+        _fill(residual, J, dR, g, weight, new_R, B)
         if count < 0 or plain:
-            good = True
-        elif last:
-            good = scaled_norm(after) / new < scaled_norm(R) / size
+            is_accepted = True
+        elif is_final:
+            is_accepted = scaled_norm(new_R) / new_size < scaled_norm(R) / size
         else:
-            good = scaled_norm(after) < scaled_norm(R) * (1.0 - 0.1 * factor)
-        if good:
-            size, halved, factor = _accept(trial, after, B, new, u, R, A), 0, 1.0
+            is_accepted = scaled_norm(new_R) < scaled_norm(R) * (1.0 - 0.1 * factor)
+        if is_accepted:
+            size, halved, factor = _accept(trial, new_R, B, new_size, u, R, A), 0, 1.0
             count += 1
         else:
             halved, factor = halved + 1, 0.5 * factor
-        if last or halved == _MAX_HALVINGS:
-            return (count if last else -1), size
-        last = not plain and scaled_norm(R) <= tolerance * size
-        if last and which == HELD:
+        if is_final or halved == _MAX_HALVINGS:
+            return (count if is_final else -1), size
+        is_final = not plain and scaled_norm(R) <= tolerance * size
+        if is_final and condition == HELD:
             return count, size
-        if count == most and not last:
+        if count == max_iterations and not is_final:
             return -1, size
         if not _newton_step(u, R, A, factor, u if count + 1 == plain else trial):
-            return (count if last else -1), size
+            return (count if is_final else -1), size
         if count + 1 == plain:
             return plain, size
 
 
 @kernel
-def _fill(rest: Any, J: Any, dR: Any, g: float, weight: float, R: Any, A: Any) -> None:
+def _fill(residual: Any, J: Any, dR: Any, g: float, weight: float, R: Any, A: Any) -> None:
     """Fill residual and Jacobian of {R, g}; the last row of A contains the gradient of g."""
-    n = rest.shape[0]
+    n = residual.shape[0]
     for i in range(n):
-        R[i], A[i, n] = rest[i], dR[i]
+        R[i], A[i, n] = residual[i], dR[i]
         for j in range(n):
             A[i, j] = J[i, j]
     R[n] = weight * g
@@ -120,10 +120,10 @@ def _fill(rest: Any, J: Any, dR: Any, g: float, weight: float, R: Any, A: Any) -
 
 
 @kernel
-def _accept(trial: Any, after: Any, B: Any, size: float, u: Any, R: Any, A: Any) -> float:
+def _accept(trial: Any, new_R: Any, B: Any, size: float, u: Any, R: Any, A: Any) -> float:
     """Accept the trial point with its residual and Jacobian; return ``size``."""
     for i in range(u.shape[0]):
-        u[i], R[i] = trial[i], after[i]
+        u[i], R[i] = trial[i], new_R[i]
         for j in range(u.shape[0]):
             A[i, j] = B[i, j]
     return size
@@ -163,8 +163,8 @@ def _fill_borders(J: Any, borders: Any) -> float:
             for j in range(n):
                 x[0, j] += inverse[i, n + j] * borders[1, i]
                 x[1, i] += inverse[i, n + j] * borders[0, j]
-        turned = max(_replace_border(borders[0], x[0]), _replace_border(borders[1], x[1]))
-        if not turned > _BORDER_TOLERANCE:
+        rotation = max(_replace_border(borders[0], x[0]), _replace_border(borders[1], x[1]))
+        if not rotation > _BORDER_TOLERANCE:
             break
     return math.sqrt(total)
 
@@ -184,14 +184,14 @@ def _inverted(J: Any, shift: float, out: Any) -> bool:
 @kernel
 def _replace_border(border: Any, x: Any) -> float:
     """Replace a border by the normalized vector x; return one minus the cosine of the angle between them."""
-    n, along, total, own = border.shape[0], 0.0, 0.0, scaled_norm(border)
+    n, projection, total, old_norm = border.shape[0], 0.0, 0.0, scaled_norm(border)
     for i in range(n):
-        along += border[i] * x[i]
+        projection += border[i] * x[i]
         total += x[i] * x[i]
-    total = math.copysign(math.sqrt(total), along)
+    total = math.copysign(math.sqrt(total), projection)
     for i in range(n):
         border[i] = x[i] / total
-    return 1.0 - abs(along) / (abs(total) * own)
+    return 1.0 - abs(projection) / (abs(total) * old_norm)
 
 
 @inlined
@@ -217,19 +217,19 @@ def _determinant(packed: Any, X: Any, J: Any, borders: Any, row: Any, workspace:
     solutions = np.empty((2, n + 1))
     _solve_bordered(J, borders, solutions)
     v, w, g = solutions[0, :n], solutions[1], float(solutions[0, n])
-    along, across = np.empty((n, n)), np.empty((n, n))
+    dJ_dv, dJ_dOmega = np.empty((n, n)), np.empty((n, n))
     space = workspace.space
     interval = shortest_interval(space.theta, space.number) if packed.laws.spring_element.shape[0] else 2 * math.pi
     relative = min(STEP, max(LEAST_STEP, STEP_OVER_SQUARE * interval * interval))
-    curvature(packed, X, v, relative * max(1e-3, scaled_norm(X)) / scaled_norm(v), workspace, along, across)
-    moved = 0.0
+    curvature(packed, X, v, relative * max(1e-3, scaled_norm(X)) / scaled_norm(v), workspace, dJ_dv, dJ_dOmega)
+    dg_dOmega = 0.0
     for j in range(n):
         row[j] = 0.0
     for i in range(n):
         for j in range(n):
-            row[j] -= w[i] * along[i, j]
-            moved += w[i] * across[i, j] * v[j]
-    row[n] = -moved
+            row[j] -= w[i] * dJ_dv[i, j]
+            dg_dOmega += w[i] * dJ_dOmega[i, j] * v[j]
+    row[n] = -dg_dOmega
     return g
 
 
@@ -243,17 +243,17 @@ def _fixed_parameter(row: Any) -> float:
 
 
 @inlined
-def _clearance(packed: Any, which: int, workspace: Any, row: Any) -> float:
+def _clearance(packed: Any, index: int, workspace: Any, row: Any) -> float:
     """Return a clearance of the motion in ``workspace.coefficients``, see `spread`; fill row (n + 1,): gradient."""
     orders, c, samples = packed.linear.orders, workspace.space.waves, workspace.space.samples
-    breakpoint_, side = which // 2, 1.0 if which % 2 else -1.0
+    breakpoint_, side = index // 2, 1.0 if index % 2 else -1.0
     j = packed.laws.owner[breakpoint_]
     sampled_gap(packed.piecewise, packed.basis, workspace.coefficients[packed.laws.element[j]], j, c, samples)
     value, theta = highest_gap(packed.piecewise, j, side, c, samples)
     for i in range(row.shape[0]):
         row[i] = 0.0
-    at = packed.laws.element[j] * (2 * orders.shape[0] - 1)
-    row[at] = 1.0
+    mean_index = packed.laws.element[j] * (2 * orders.shape[0] - 1)
+    row[mean_index] = 1.0
     for i in range(1, orders.shape[0]):
-        row[at + 2 * i - 1], row[at + 2 * i] = math.cos(orders[i] * theta), math.sin(orders[i] * theta)
+        row[mean_index + 2 * i - 1], row[mean_index + 2 * i] = math.cos(orders[i] * theta), math.sin(orders[i] * theta)
     return float(side * value - packed.laws.level[breakpoint_])

@@ -48,43 +48,43 @@ def statics(compiled: Evaluator, Omega: float) -> Iterator[Static]:
 
     It starts at rest and at displacements on both sides. Iterates that did not converge come last.
     """
-    rest = _solve_static(compiled, Omega, -compiled.receptance.e[0].real)
-    if rest.stable or rest.flat:
-        yield rest
+    at_rest = _solve_static(compiled, Omega, -compiled.receptance.e[0].real)
+    if at_rest.stable or at_rest.flat:
+        yield at_rest
     reach = _characteristic_lengths(compiled, Omega) * _load_signs(compiled, Omega)
-    others = []
+    rejected = []
     for side in (1.5, -1.5, 4.0, -4.0):
-        found = _solve_static(compiled, Omega, side * reach)
-        if found.stable:
-            yield found
-        elif np.isfinite(found.d).all():
-            others.append(found)
-    others += [] if rest.stable or rest.flat else [rest]
-    yield from sorted(others, key=lambda one: not one.balanced)
+        state = _solve_static(compiled, Omega, side * reach)
+        if state.stable:
+            yield state
+        elif np.isfinite(state.d).all():
+            rejected.append(state)
+    rejected += [] if at_rest.stable or at_rest.flat else [at_rest]
+    yield from sorted(rejected, key=lambda candidate: not candidate.balanced)
 
 
 def _solve_static(compiled: Evaluator, Omega: float, d: Array) -> Static:
     """Return the static state from Newton's method that starts at displacements d (m,)."""
-    linear, joint, ties = compiled.linear(Omega), compiled.structure.joint, compiled.structure.ties
+    linear, sums, ties = compiled.linear(Omega), compiled.structure.force_sums, compiled.structure.ties
     e, Z, g = compiled.receptance.e[0].real, linear.Z[0].real, linear.g[0].real
     for _ in range(_MAX_STATIC_ITERATIONS):
         p, k = _mean_force_and_stiffness(compiled, d)
-        r = joint @ (Z @ d + g + p) + ties @ (d + e)
-        terms = np.abs(joint) @ (np.abs(Z) @ np.abs(d) + np.abs(g) + np.abs(p)) + np.abs(ties) @ np.abs(d + e)
+        r = sums @ (Z @ d + g + p) + ties @ (d + e)
+        terms = np.abs(sums) @ (np.abs(Z) @ np.abs(d) + np.abs(g) + np.abs(p)) + np.abs(ties) @ np.abs(d + e)
         if np.linalg.norm(r) <= _RESIDUAL_ROUNDING * np.linalg.norm(terms):
             break
-        step = np.linalg.lstsq(joint @ (Z + k) + ties, r, rcond=1e-12)[0]
+        step = np.linalg.lstsq(sums @ (Z + k) + ties, r, rcond=1e-12)[0]
         d = d - step
         if not np.isfinite(d).all() or (np.abs(step) <= _MIN_RELATIVE_STEP * np.abs(d)).all():
             break
     balanced = bool(np.isfinite(d).all() and np.linalg.norm(r) <= _EQUILIBRIUM_TOLERANCE * np.linalg.norm(terms))
-    own = joint[compiled.structure.own]  # forces on dependent elements act through the constraints
-    A = Z[np.ix_(compiled.structure.own, compiled.structure.own)] + own @ k @ own.T
+    reduced = sums[compiled.structure.independent]  # forces on dependent elements act through the constraints
+    A = Z[np.ix_(compiled.structure.independent, compiled.structure.independent)] + reduced @ k @ reduced.T
     size = np.abs(Z).max(initial=0.0) + np.abs(k).max(initial=0.0)
     if not balanced:
         return Static(d, k, False, False)
-    least = float(np.linalg.eigvalsh(0.5 * (A + A.T))[0])
-    return Static(d, k, True, least > _ZERO_STIFFNESS_RATIO * size, abs(least) <= _ZERO_STIFFNESS_RATIO * size)
+    smallest = float(np.linalg.eigvalsh(0.5 * (A + A.T))[0])
+    return Static(d, k, True, smallest > _ZERO_STIFFNESS_RATIO * size, abs(smallest) <= _ZERO_STIFFNESS_RATIO * size)
 
 
 _MAX_STATIC_ITERATIONS = 50
@@ -105,11 +105,11 @@ _ZERO_STIFFNESS_RATIO = 1e-9
 
 def linear_response(compiled: Evaluator, Omega: float, static: Static) -> Array:
     """Return the harmonics (m, K + 1) of the linear response about a static state."""
-    linear, joint, ties = compiled.linear(Omega), compiled.structure.joint, compiled.structure.ties
+    linear, sums, ties = compiled.linear(Omega), compiled.structure.force_sums, compiled.structure.ties
     with np.errstate(all="ignore"):
         try:
-            A = joint @ (linear.Z + static.stiffness) + ties
-            b = linear.g @ joint.T + compiled.receptance.e @ ties.T
+            A = sums @ (linear.Z + static.stiffness) + ties
+            b = linear.g @ sums.T + compiled.receptance.e @ ties.T
             d = np.linalg.solve(A, -b[..., None])[..., 0].T
         except np.linalg.LinAlgError:
             d = np.zeros((compiled.m, len(linear.Z)), dtype=complex)
@@ -121,32 +121,32 @@ def _characteristic_lengths(compiled: Evaluator, Omega: float) -> Array:
     """Return lengths (m,) at which laws change: breakpoints, bends of smooth laws, or load displacements."""
     springs = compiled.structure.kr
     reach = np.array(
-        [max([*map(abs, law.breakpoints), *(one.reach for one in law.sliders)], default=0.0) for law in compiled.laws]
+        [max([*map(abs, law.breakpoints), *(s.reach for s in law.sliders)], default=0.0) for law in compiled.laws]
     )
     if reach.all():
         return reach
-    own = np.abs(
+    law_stiffness = np.abs(
         np.diag(compiled.linear(Omega).Z[0].real + _mean_force_and_stiffness(compiled, np.zeros(compiled.m))[1])
     )
     stiffness = np.where(
-        own > _ZERO_STIFFNESS_RATIO * springs, own, springs
+        law_stiffness > _ZERO_STIFFNESS_RATIO * springs, law_stiffness, springs
     )  # change of a smooth law that is significant
     for j in np.flatnonzero(reach == 0):
         reach[j] = 0.0 if compiled.laws[j].breakpoints else bend(compiled.laws[j], float(stiffness[j]))
     if not reach.all():
-        whole = Static(np.zeros(compiled.m), np.diag(springs), True, True)
-        moved = np.abs(linear_response(compiled, Omega, whole)).sum(axis=1) + np.abs(
+        reference = Static(np.zeros(compiled.m), np.diag(springs), True, True)
+        amplitudes = np.abs(linear_response(compiled, Omega, reference)).sum(axis=1) + np.abs(
             _load_displacements(compiled, Omega)
         )
-        reach = np.where(reach == 0, moved, reach)
+        reach = np.where(reach == 0, amplitudes, reach)
     return reach
 
 
 def _load_displacements(compiled: Evaluator, Omega: float) -> Array:
     """Return the displacements (m,) under the constant load with linear reference springs as laws."""
-    linear, joint, ties = compiled.linear(Omega), compiled.structure.joint, compiled.structure.ties
-    b = joint @ linear.g[0].real + ties @ compiled.receptance.e[0].real
-    closed = joint @ (linear.Z[0].real + np.diag(compiled.structure.kr)) + ties
+    linear, sums, ties = compiled.linear(Omega), compiled.structure.force_sums, compiled.structure.ties
+    b = sums @ linear.g[0].real + ties @ compiled.receptance.e[0].real
+    closed = sums @ (linear.Z[0].real + np.diag(compiled.structure.kr)) + ties
     d: Array = np.linalg.lstsq(closed, -b, rcond=1e-12)[0]
     return d
 
@@ -179,14 +179,14 @@ def forces_at(compiled: Evaluator, d: Array, tau: Array) -> tuple[Array, Array, 
     """
     m, count = len(d), len(tau)
     p, k, c = np.zeros(m), np.zeros((m, m)), np.zeros((m, m))
-    together = {int(j) for rows, _ in compiled.vectors for j in rows}
-    still = np.zeros(count)
-    for j in (j for j in range(m) if j not in together):
-        p[j], k[j, j], c[j, j] = (np.mean(x) for x in compiled.laws[j].force(np.full(count, d[j]), still, tau))
+    coupled = {int(j) for rows, _ in compiled.vectors for j in rows}
+    zeros = np.zeros(count)
+    for j in (j for j in range(m) if j not in coupled):
+        p[j], k[j, j], c[j, j] = (np.mean(x) for x in compiled.laws[j].force(np.full(count, d[j]), zeros, tau))
     for rows, law in compiled.vectors:
-        here = np.repeat(d[rows, None], count, axis=1)
-        at = np.ix_(rows, rows)
-        p[rows], k[at], c[at] = (np.mean(x, axis=-1) for x in law.force(here, 0 * here, tau))
+        displacements = np.repeat(d[rows, None], count, axis=1)
+        block = np.ix_(rows, rows)
+        p[rows], k[block], c[block] = (np.mean(x, axis=-1) for x in law.force(displacements, 0 * displacements, tau))
     return p, k, c
 
 
@@ -201,9 +201,9 @@ def static_stiffness(compiled: Evaluator, Omega: float) -> Array | None:
     """
     for static in statics(compiled, Omega):
         if static.balanced:
-            near = _BREAKPOINT_DISTANCE * _characteristic_lengths(compiled, Omega)
-            below, above = (_mean_force_and_stiffness(compiled, static.d + side * near)[1] for side in (-1.0, 1.0))
-            first = np.abs(np.diag(below)) <= np.abs(np.diag(above))
-            smaller: Array = np.where(first[:, None], below, above)
+            distance = _BREAKPOINT_DISTANCE * _characteristic_lengths(compiled, Omega)
+            below, above = (_mean_force_and_stiffness(compiled, static.d + side * distance)[1] for side in (-1.0, 1.0))
+            is_below = np.abs(np.diag(below)) <= np.abs(np.diag(above))
+            smaller: Array = np.where(is_below[:, None], below, above)
             return smaller
     return None

@@ -56,30 +56,30 @@ def slip_margins(evaluator: Evaluator, X: Array) -> Array:
     return out
 
 
-def slip_threshold(evaluator: Evaluator, X: Array, which: int) -> tuple[float, Array]:
-    """Return entry ``which`` of `slip_margins` of a motion X (n,) and its derivative, rows (m, 2K - 1)."""
+def slip_threshold(evaluator: Evaluator, X: Array, index: int) -> tuple[float, Array]:
+    """Return entry ``index`` of `slip_margins` of a motion X (n,) and its derivative, rows (m, 2K - 1)."""
     from hbgear.harmonic.forces.slider_kernels import slider_motion
 
     rows = evaluator.spread(X).reshape(evaluator.m, -1)
     motion = slider_motion(evaluator.packed, rows)
     derivative = np.zeros((evaluator.m, 2 * len(evaluator.orders) - 1))
-    for side, theta in zip((1.0, -1.0), motion.extreme[which], strict=True):
+    for side, theta in zip((1.0, -1.0), motion.extreme[index], strict=True):
         if np.isfinite(theta):  # otherwise nothing moves
-            _add_bound(derivative, evaluator, rows, which, side, float(theta))
-    return float(motion.span[which]), derivative
+            _add_bound(derivative, evaluator, rows, index, side, float(theta))
+    return float(motion.span[index]), derivative
 
 
-def _add_bound(derivative: Array, evaluator: Evaluator, rows: Array, which: int, side: float, theta: float) -> None:
+def _add_bound(derivative: Array, evaluator: Evaluator, rows: Array, index: int, side: float, theta: float) -> None:
     """Add the derivative of side d - limit / k at a phase, the highest lower or the lowest upper bound of a slider."""
     sliders, basis = evaluator.packed.sliders, basis_values(theta, evaluator.orders)
     assert sliders is not None
-    j, n = int(sliders.element[which]), int(sliders.normal[which])
+    j, n = int(sliders.element[index]), int(sliders.normal[index])
     derivative[j] += side * basis
     if n < 0:
         return
     slope, slope_n = (float(evaluate(rows[i], theta, 1)[0]) for i in (j, n))
-    d_n, level = float(evaluate(rows[n], theta)[0]), sliders.level[which]
-    gain = sliders.gain[which, int(np.searchsorted(level, d_n))] / sliders.k[which]
+    d_n, level = float(evaluate(rows[n], theta)[0]), sliders.level[index]
+    gain = sliders.gain[index, int(np.searchsorted(level, d_n))] / sliders.k[index]
     derivative[n] -= gain * basis
     if np.abs(level - d_n).min() <= LEVEL_TOLERANCE * float(np.abs(rows[n]).max()):
         derivative[n] -= (side * slope - gain * slope_n) / slope_n * basis
@@ -98,8 +98,8 @@ def basis_values(theta: float, orders: np.ndarray) -> Array:
 
 def edged_laws(evaluator: Evaluator) -> list[tuple[np.ndarray, VectorLaw, int]]:
     """Return the elements of each vector law whose edges are events of a curve, the law and the number of edges."""
-    each = [(rows, law, len(law.edges(np.zeros((law.size, 1))))) for rows, law in evaluator.vectors if law.grazes]
-    return [one for one in each if one[2]]
+    laws = [(rows, law, len(law.edges(np.zeros((law.size, 1))))) for rows, law in evaluator.vectors if law.grazes]
+    return [entry for entry in laws if entry[2]]
 
 
 def _extremes(evaluator: Evaluator) -> list[tuple[np.ndarray, VectorLaw, int, float]]:
@@ -110,23 +110,23 @@ def _extremes(evaluator: Evaluator) -> list[tuple[np.ndarray, VectorLaw, int, fl
 
 def edge_extremes(evaluator: Evaluator, X: Array) -> Array:
     """Return the lowest and highest values (P, 2 E) of the edges of vector laws (`VectorLaw.edges`) in each motion."""
-    each = _extremes(evaluator)
-    out = np.empty((len(X), len(each)))
-    for own, x in zip(out, evaluator.spread(X) if each else X, strict=True):
+    entries = _extremes(evaluator)
+    out = np.empty((len(X), len(entries)))
+    for values, x in zip(out, evaluator.spread(X) if entries else X, strict=True):
         rows = x.reshape(evaluator.m, -1)
-        own[:] = [sign * _highest_edge(law, rows[elements], edge, sign)[0] for elements, law, edge, sign in each]
+        values[:] = [sign * _highest_edge(law, rows[elements], edge, sign)[0] for elements, law, edge, sign in entries]
     return out
 
 
-def edge_threshold(evaluator: Evaluator, X: Array, which: int) -> tuple[float, Array]:
-    """Return entry ``which`` of `edge_extremes` of a motion X (n,) and its derivative, rows (m, 2K - 1)."""
-    elements, law, edge, sign = _extremes(evaluator)[which]
+def edge_threshold(evaluator: Evaluator, X: Array, index: int) -> tuple[float, Array]:
+    """Return entry ``index`` of `edge_extremes` of a motion X (n,) and its derivative, rows (m, 2K - 1)."""
+    elements, law, edge, sign = _extremes(evaluator)[index]
     rows = evaluator.spread(X).reshape(evaluator.m, -1)
     value, theta = _highest_edge(law, rows[elements], edge, sign)
     d = evaluate(rows[elements], theta)[:, :1]
     step = EDGE_SLOPE_STEP * max(float(np.abs(d).max()), np.finfo(float).tiny)
-    moved = step * np.eye(law.size)
-    slope = (law.edges(d + moved)[edge] - law.edges(d - moved)[edge]) / (2 * step)
+    steps = step * np.eye(law.size)
+    slope = (law.edges(d + steps)[edge] - law.edges(d - steps)[edge]) / (2 * step)
     derivative = np.zeros((evaluator.m, 2 * len(evaluator.orders) - 1))
     derivative[elements] = np.outer(slope, basis_values(theta, evaluator.orders))
     return sign * value, derivative
@@ -135,14 +135,14 @@ def edge_threshold(evaluator: Evaluator, X: Array, which: int) -> tuple[float, A
 def _highest_edge(law: VectorLaw, rows: Array, edge: int, sign: float) -> tuple[float, float]:
     """Return the largest value of an edge times a sign in a motion with rows (p, 2H + 1), and its phase."""
     theta = np.linspace(0.0, 2 * np.pi, EDGE_SAMPLES * (rows.shape[1] // 2 + 1), endpoint=False)
-    step, at = theta[1], 0.0
+    step, phase = theta[1], 0.0
     for _ in range(EDGE_REFINEMENTS + 1):
         value = sign * law.edges(evaluate(rows, theta))[edge]
-        top = int(np.argmax(value))
-        at = float(theta[top])
-        theta = at + np.linspace(-step, step, EDGE_SAMPLES + 1)
+        peak = int(np.argmax(value))
+        phase = float(theta[peak])
+        theta = phase + np.linspace(-step, step, EDGE_SAMPLES + 1)
         step *= 2 / EDGE_SAMPLES
-    return float(value[top]), at
+    return float(value[peak]), phase
 
 
 def edge_names(evaluator: Evaluator) -> tuple[str, ...]:
@@ -172,7 +172,7 @@ def nearest_threshold(evaluator: Evaluator, X: Array, Omega: float) -> float:
 
 def _nearest_clip(evaluator: Evaluator, X: Array, omega: float) -> float:
     """Return the least local extremum of the force of a clipped contact, over k + c omega; inf without any."""
-    least, rows = math.inf, evaluator.spread(X).reshape(evaluator.m, -1)
+    smallest, rows = math.inf, evaluator.spread(X).reshape(evaluator.m, -1)
     for j, law in evaluator.damped:
         for contact in law.damped:
             if contact.clipped:
@@ -180,19 +180,19 @@ def _nearest_clip(evaluator: Evaluator, X: Array, omega: float) -> float:
                 c[0] -= contact.gap
                 force = contact.k * c + contact.c * omega * derive(c)
                 extrema = evaluate(to_real(force), roots_of(derive(force))) / (contact.k + contact.c * omega)
-                least = min(least, float(np.abs(extrema).min(initial=math.inf)))
-    return least
+                smallest = min(smallest, float(np.abs(extrema).min(initial=math.inf)))
+    return smallest
 
 
 def _nearest_breakpoint(evaluator: Evaluator, X: Array) -> float:
     """Return the least distance of a local extremum of a displacement from a breakpoint of its law; inf without any."""
-    least, rows = math.inf, evaluator.spread(X).reshape(evaluator.m, -1)
+    smallest, rows = math.inf, evaluator.spread(X).reshape(evaluator.m, -1)
     for j in np.unique(evaluator.element):
         if not contacts_of(evaluator.system.elements[j].law):
             theta = _extrema(_slope_samples(evaluator, j, rows[j]), partial(evaluator.gap, j, rows[j]))
             distances = evaluator.gap(j, rows[j], theta)[:, None] - evaluator.breakpoints[evaluator.element == j]
-            least = min(least, float(np.abs(distances).min(initial=math.inf)))
-    return least
+            smallest = min(smallest, float(np.abs(distances).min(initial=math.inf)))
+    return smallest
 
 
 def _nearest_level(evaluator: Evaluator, X: Array) -> float:
@@ -200,7 +200,7 @@ def _nearest_level(evaluator: Evaluator, X: Array) -> float:
 
     The distance is also that at breakpoints of stiffness and level, at which the contact may begin or end.
     """
-    least, rows, nu = math.inf, evaluator.spread(X).reshape(evaluator.m, -1), evaluator.nu
+    smallest, rows, nu = math.inf, evaluator.spread(X).reshape(evaluator.m, -1), evaluator.nu
     grid = 2 * np.pi / evaluator.N * np.arange(evaluator.N)
     for j, element in enumerate(evaluator.system.elements):
         contacts = contacts_of(element.law)
@@ -212,8 +212,8 @@ def _nearest_level(evaluator: Evaluator, X: Array) -> float:
             extrema = _extrema(slope - nu * contact.level(nu * grid, 1), above)
             theta = np.concatenate([extrema, _corners(contact, nu)])
             exists = np.maximum(*(contact.stiffness(nu * theta + x) for x in (-PHASE_STEP, PHASE_STEP))) > 0
-            least = min(least, float(np.abs(above(theta[exists])).min(initial=math.inf)))
-    return least
+            smallest = min(smallest, float(np.abs(above(theta[exists])).min(initial=math.inf)))
+    return smallest
 
 
 def _above(evaluator: Evaluator, j: int, row: Array, contact: ToothContact, theta: Array, order: int = 0) -> Array:
@@ -225,8 +225,8 @@ def _above(evaluator: Evaluator, j: int, row: Array, contact: ToothContact, thet
 
 def _slope_samples(evaluator: Evaluator, j: int, row: Array) -> Array:
     """Return the derivative of displacement j in theta at N equal steps of the period, (N,)."""
-    displacement, kept = evaluator.system.elements[j].displacement, evaluator.piecewise.retained[:, j]
-    return gap_samples(displacement, kept, evaluator.nu, row, evaluator.N, 1)
+    displacement, retained = evaluator.system.elements[j].displacement, evaluator.piecewise.retained[:, j]
+    return gap_samples(displacement, retained, evaluator.nu, row, evaluator.N, 1)
 
 
 def _extrema(slope: Array, gap: Callable[..., Array]) -> Array:
@@ -240,8 +240,8 @@ def _extrema(slope: Array, gap: Callable[..., Array]) -> Array:
         ``gap(theta, order)`` returns derivatives at phases theta.
     """
     after = np.roll(slope, -1)
-    turns = np.flatnonzero((slope < 0) != (after < 0))
-    theta = 2 * np.pi / len(slope) * (turns + slope[turns] / (slope[turns] - after[turns]))
+    changes = np.flatnonzero((slope < 0) != (after < 0))
+    theta = 2 * np.pi / len(slope) * (changes + slope[changes] / (slope[changes] - after[changes]))
     first, second = (gap(theta, order) for order in (1, 2))
     out: Array = theta - first / np.where(second == 0, math.inf, second)
     return out

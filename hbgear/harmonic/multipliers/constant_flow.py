@@ -96,7 +96,7 @@ def _solve_ports(modes: Any, D: Any, forces: Any, ports: Any) -> None:
     g, q = D.shape[0], modes.poles.shape[0]
     for p in range(g):
         for e in range(g):
-            ports[p, e] = D[p] * modes.rest[p, e] + (1.0 if p == e else 0.0)
+            ports[p, e] = D[p] * modes.flexibility[p, e] + (1.0 if p == e else 0.0)
         for k in range(q):
             ports[p, g + k], ports[p, g + q + k] = D[p] * modes.output[p, k].real, -D[p] * modes.output[p, k].imag
         for n in range(forces.shape[1]):
@@ -177,4 +177,4 @@ def fill_displacements(modes: Any, D: Any, state: Any, forces: Any, flow: Any) -
                 d[p, n] += x * state[k, n] - y * state[q + k, n]
         for e in range(g):
             for n in range(d.shape[1]):
-                d[p, n] -= modes.rest[p, e] * ports[e, g + 2 * q + n]
+                d[p, n] -= modes.flexibility[p, e] * ports[e, g + 2 * q + n]

@@ -186,7 +186,7 @@ def floquet_multipliers(
         If the structure is too large for its modes to be computed, or a period takes too many steps.
     """
     structure = compiled.structure
-    if structure.spins:
+    if structure.depends_on_speed:
         sets = [floquet_multipliers(compiled.at(w), X[i : i + 1], Omega[i : i + 1], points=points, width=width)[0]
                 for i, w in enumerate(np.asarray(Omega, dtype=float).tolist())]  # fmt: skip
         mu = np.zeros((len(sets), max(map(len, sets), default=0)), dtype=complex)  # a mode may come to rest at a speed
@@ -196,7 +196,7 @@ def floquet_multipliers(
     check_modes(structure)
     X, Omega = compiled.spread(X), np.asarray(Omega, dtype=float)
     if not is_reduced(compiled):
-        return _multipliers_of_blocks(compiled, compiled.parts(), X, Omega, points, width)
+        return _multipliers_of_blocks(compiled, compiled.stability_modes(), X, Omega, points, width)
     return _reduced_multipliers(compiled, X, Omega, 1.0, points, width)
 
 

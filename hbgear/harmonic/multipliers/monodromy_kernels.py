@@ -402,7 +402,9 @@ def _enter_segment(sliders: Any, slides: Any, phase: float, modes: Any, workspac
         sticks = slides.kind[i, interval] == STICK
         if sticks and not workspace.stuck[i]:
             normal = _port_of(modes.ports, sliders.normal[i])
-            _set_memory(workspace, i, _port_of(modes.ports, sliders.element[i]), normal, slides.position_slope[i, interval])
+            _set_memory(
+                workspace, i, _port_of(modes.ports, sliders.element[i]), normal, slides.position_slope[i, interval]
+            )
         workspace.stuck[i] = sticks
     _fill_slider_forces(sliders, modes, workspace)
 
@@ -531,7 +533,7 @@ def _fill_step_matrices(modes: Any, L: Any, workspace: Any) -> None:
                 _add_observed_output(w, modes.input[:, e], work, L, A[o, p::g, e::g])
                 if o == 0:
                     for i in range(s):
-                        A[0, i * g + p, i * g + e] += modes.rest[p, e]
+                        A[0, i * g + p, i * g + e] += modes.flexibility[p, e]
     for j in range(s):
         for k in range(q):
             z = 0j

@@ -112,29 +112,29 @@ def _is_diagonal(A: Array) -> bool:
 
 
 def _constraints(W: Array, kr: Array) -> tuple[np.ndarray, Array, Array]:
-    """Return ``own``, ``joint`` and ``ties`` of `LinearStructure` for directions W (n, m)."""
+    """Return ``independent``, ``force_sums`` and ``ties`` of `LinearStructure` for directions W (n, m)."""
     m = W.shape[1]
-    own: list[int] = []
-    joint, ties = np.eye(m), np.zeros((m, m))
+    independent: list[int] = []
+    force_sums, ties = np.eye(m), np.zeros((m, m))
     stiffness = float(kr.max(initial=0.0)) or 1.0  # scales the constraints to the size of forces
     for j in range(m):
-        B = np.linalg.lstsq(W[:, own], W[:, j], rcond=None)[0] if own else np.empty(0)
-        if not own or norm(W[:, j] - W[:, own] @ B) > _DEPENDENT_DIRECTION_TOLERANCE * norm(W[:, j]):
-            own.append(j)
+        B = np.linalg.lstsq(W[:, independent], W[:, j], rcond=None)[0] if independent else np.empty(0)
+        if not independent or norm(W[:, j] - W[:, independent] @ B) > _DEPENDENT_DIRECTION_TOLERANCE * norm(W[:, j]):
+            independent.append(j)
             continue
-        joint[own, j], joint[j, j] = B, 0.0
-        ties[j, own], ties[j, j] = -stiffness * B, stiffness
-    return np.array(own), joint, ties
+        force_sums[independent, j], force_sums[j, j] = B, 0.0
+        ties[j, independent], ties[j, j] = -stiffness * B, stiffness
+    return np.array(independent), force_sums, ties
 
 
-def _null_space(A: Array, least: float | None = None) -> Array:
+def _null_space(A: Array, threshold: float | None = None) -> Array:
     """Return an orthonormal basis of the null space of a matrix with scaled rows and columns.
 
-    least : largest singular value that counts as zero, by default 1e-12 times the largest one.
+    threshold : largest singular value that counts as zero, by default 1e-12 times the largest one.
     """
     _, s, vt = np.linalg.svd(A)
     largest = s.max(initial=0.0)
-    rank = int(np.sum(s > (_FREE_MOTION_TOLERANCE * largest if least is None else least))) if largest > 0 else 0
+    rank = int(np.sum(s > (_FREE_MOTION_TOLERANCE * largest if threshold is None else threshold))) if largest > 0 else 0
     null: Array = vt[rank:].T
     return null
 
@@ -151,11 +151,11 @@ class LinearStructure:
 
     Attributes
     ----------
-    own : ndarray
+    independent : ndarray
         Numbers of the elements with linearly independent directions.
-    joint, ties : ndarray, shape (m, m)
-        Matrices of the constrained balance ``joint @ (Z d + g + f) + ties @ (d + e)``; identity and zero without
-        constraints.
+    force_sums, ties : ndarray, shape (m, m)
+        Matrices of the constrained balance ``force_sums @ (Z d + g + f) + ties @ (d + e)``; identity and zero if all
+        directions are independent.
 
     Raises
     ------
@@ -165,7 +165,7 @@ class LinearStructure:
         If a constant load acts on a free motion.
     """
 
-    spins = False
+    depends_on_speed = False
     """Whether C and K depend on Omega, see `SpeedDependentStructure`."""
 
     highest: float = np.inf
@@ -179,7 +179,7 @@ class LinearStructure:
         self.W = system.W
         self.kr = references(system) if springs is None else springs
         self.c = np.array([e.damping for e in system.elements])
-        self.own, self.joint, self.ties = _constraints(self.W, self.kr)
+        self.independent, self.force_sums, self.ties = _constraints(self.W, self.kr)
         self.free = self.free_left = np.zeros((self.n, 0))
         self.large = self.n > MODAL_LIMIT
         if self.large:
@@ -187,7 +187,7 @@ class LinearStructure:
             self.M, self.K = M, K + Ws @ scipy.sparse.diags_array(self.kr) @ Ws.T
             self.C = C + Ws @ scipy.sparse.diags_array(self.c) @ Ws.T
             self.modes: Modes | None = None
-            self.parted = False
+            self.disturbed = False
             return
         self.M = dense(system.M)
         self.C = dense(system.C) + (self.W * self.c) @ self.W.T
@@ -206,34 +206,34 @@ class LinearStructure:
         references = self.kr
         modes = self._real_modes(system) if self.n > _REAL_MODES_FROM and not system.massless else None
         if modes is not None:
-            self.modes, self.parted = modes, False
+            self.modes, self.disturbed = modes, False
             return
-        for factor, part, near in _REFERENCE_TRIALS:
+        for factor, disturbance, tolerance in _REFERENCE_TRIALS:
             self.kr = factor * references
             self.K = dense(system.K) + (self.W * self.kr) @ self.W.T
-            if self._has_supported_free_motion(system, near):
+            if self._has_supported_free_motion(system, tolerance):
                 continue
             self.free = self._null(self.K)
             self.free_left = self.free if np.array_equal(self.K, self.K.T) else self._null(self.K.T)
             self.check_balance(system)
-            modes = self._decompose(part)
+            modes = self._decompose(disturbance)
             if modes.condition < _MAX_EIGENVECTOR_CONDITION:
                 break
         if modes is None:  # laws without stiffness leave a free motion
             raise ValueError(_describe_unsupported(self))
-        self.modes, self.parted = modes, part > 0
+        self.modes, self.disturbed = modes, disturbance > 0
 
-    def _has_supported_free_motion(self, system: System, near: float) -> bool:
+    def _has_supported_free_motion(self, system: System, tolerance: float) -> bool:
         """Return whether K has a free motion r with displacements of elements, K r = 0 and W^T r != 0.
 
-        near : singular value of K, relative to the sum of its absolute terms, that counts as zero.
+        tolerance : singular value of K, relative to the sum of its absolute terms, that counts as zero.
         """
         s, W = self._scale, np.abs(self.W)
         rounding = _MIN_DISPLACEMENT_RATIO * norms(W.T * s)[:, None]
         terms = (np.abs(dense(system.K)) + (W * self.kr) @ W.T) * np.outer(s, s)
-        least = near * float(terms.sum(axis=1).max())
+        threshold = tolerance * float(terms.sum(axis=1).max())
         for K in (self.K,) if np.array_equal(self.K, self.K.T) else (self.K, self.K.T):
-            self.free = s[:, None] * _null_space(K * np.outer(s, s), least)
+            self.free = s[:, None] * _null_space(K * np.outer(s, s), threshold)
             measured = np.abs(self.W.T @ self.free)
             if ((measured > _CANCELLATION_RATIO * (W.T @ np.abs(self.free))) & (measured > rounding)).any():
                 return True
@@ -258,34 +258,34 @@ class LinearStructure:
             squares, V = scipy.linalg.eigh(A, None if _is_diagonal(M) else M)
             D = V.T @ C @ V
             delta = 0.5 * np.diag(D)
-            mixed = np.abs(D - np.diag(np.diag(D))).max() > _MODAL_COUPLING_TOLERANCE * np.abs(D).max()
-            gap = 2 * np.sqrt((delta**2 - squares).astype(complex))
-            near = np.abs(gap) * _MAX_EIGENVECTOR_CONDITION < np.abs(delta) + np.sqrt(np.abs(squares))
-            if squares[0] <= _FREE_MOTION_TOLERANCE * squares[-1] or mixed or near.any():
+            is_coupled = np.abs(D - np.diag(np.diag(D))).max() > _MODAL_COUPLING_TOLERANCE * np.abs(D).max()
+            pole_difference = 2 * np.sqrt((delta**2 - squares).astype(complex))
+            is_double = np.abs(pole_difference) * _MAX_EIGENVECTOR_CONDITION < np.abs(delta) + np.sqrt(np.abs(squares))
+            if squares[0] <= _FREE_MOTION_TOLERANCE * squares[-1] or is_coupled or is_double.any():
                 continue
             self.kr, self.K = kr, K
-            poles = np.concatenate([-delta + 0.5 * gap, -delta - 0.5 * gap])
+            poles = np.concatenate([-delta + 0.5 * pole_difference, -delta - 0.5 * pole_difference])
             right = np.tile(s[:, None] * V, 2).astype(complex)
-            left = right.T / np.concatenate([gap, -gap])[:, None]
+            left = right.T / np.concatenate([pole_difference, -pole_difference])[:, None]
             return Modes(
                 poles,
                 right,
                 left,
                 self.W.T @ right,
                 left @ self.W,
-                float(np.max(np.abs(poles[: self.n]) / np.abs(gap))),
+                float(np.max(np.abs(poles[: self.n]) / np.abs(pole_difference))),
             )
         return None
 
     @property
     def constrained(self) -> bool:
         """Whether directions of elements are linearly dependent."""
-        return len(self.own) < self.m
+        return len(self.independent) < self.m
 
     @property
     def accurate_modes(self) -> bool:
         """Whether receptances are computed from the modes."""
-        return self.modes is not None and self.modes.condition < _MAX_EIGENVECTOR_CONDITION and not self.parted
+        return self.modes is not None and self.modes.condition < _MAX_EIGENVECTOR_CONDITION and not self.disturbed
 
     @property
     def modal(self) -> bool:
@@ -325,10 +325,10 @@ class LinearStructure:
             "a periodic motion needs it balanced: correct the load or support that motion"
         )
 
-    def _decompose(self, part: float) -> Modes:
+    def _decompose(self, disturbance: float) -> Modes:
         """Return the eigendecomposition of the state matrix without the undamped free motions.
 
-        part : relative disturbance that separates coincident poles.
+        disturbance : relative disturbance that separates coincident poles.
         """
         M, K, C = self.M, self.K, self.C
         free, free_left = self._undamped(self.free, C), self._undamped(self.free_left, C.T)
@@ -346,8 +346,8 @@ class LinearStructure:
         clock = np.sqrt(np.abs(K).max()) or 1.0  # states (q, q'/clock) are independent of the unit of time
         A = np.zeros((2 * size, 2 * size))
         A[:size, size:], A[size:, :size], A[size:, size:] = clock * np.eye(size), -K / clock, -C
-        if part:
-            A += part * clock * np.diag(np.linspace(-1.0, 1.0, 2 * size) ** 3)
+        if disturbance:
+            A += disturbance * clock * np.diag(np.linspace(-1.0, 1.0, 2 * size) ** 3)
         Z = None if free.shape[1] else self._without_drift(clock)
         poles, V = np.linalg.eig(A if Z is None else Z.T @ A @ Z)
         poles, V = poles.astype(complex), V.astype(complex)
@@ -390,8 +390,8 @@ class LinearStructure:
             return free
         measured = (C @ free) * self._scale[:, None] / (np.abs(C) * np.outer(self._scale, self._scale)).max()
         _, s, vt = scipy.linalg.svd(measured / np.linalg.norm(free / self._scale[:, None], axis=0))
-        held = np.concatenate([s, np.zeros(vt.shape[0] - s.size)]) > 1e-9
-        undamped: Array = free @ vt[~held].T
+        is_damped = np.concatenate([s, np.zeros(vt.shape[0] - s.size)]) > 1e-9
+        undamped: Array = free @ vt[~is_damped].T
         return undamped
 
     def solve(self, w: float, rhs: ComplexArray) -> ComplexArray:
@@ -427,11 +427,11 @@ class LinearStructure:
         distance = s[:, None] - self.modes.poles
         if not distance.all():
             raise ValueError("the exponent is that of a mode that no gap changes: the motion is linear there")
-        away = 1.0 / distance
+        inverse = 1.0 / distance
         out, in_ = self.modes.output, self.modes.input
         return (
-            np.einsum("ir,kr,rj->kij", out, away, in_, optimize=True),
-            np.einsum("ir,kr,rj->kij", out, -np.square(away), in_, optimize=True),
+            np.einsum("ir,kr,rj->kij", out, inverse, in_, optimize=True),
+            np.einsum("ir,kr,rj->kij", out, -np.square(inverse), in_, optimize=True),
         )
 
     def response(self, Omega: float, ratio: Array, F: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
@@ -448,13 +448,13 @@ class LinearStructure:
                 for wk, Qk in zip(w, Q, strict=True)
             ])  # fmt: skip
             return Q, dQ
-        moves = w != 0.0
-        Q, dQ, at = np.zeros(F.shape, dtype=complex), np.zeros(F.shape, dtype=complex), w[moves][:, None, None]
-        if not moves.all():
-            Q[~moves] = flexibility(self.K, self._scale) @ F[~moves]
-        D = self.K + 1j * at * self.C - at**2 * self.M
-        Q[moves] = np.linalg.solve(D, F[moves])
-        dQ[moves] = -np.linalg.solve(D, 1j * (self.C @ Q[moves]) - 2 * at * (self.M @ Q[moves]))
+        moving = w != 0.0
+        Q, dQ, w_moving = np.zeros(F.shape, dtype=complex), np.zeros(F.shape, dtype=complex), w[moving][:, None, None]
+        if not moving.all():
+            Q[~moving] = flexibility(self.K, self._scale) @ F[~moving]
+        D = self.K + 1j * w_moving * self.C - w_moving**2 * self.M
+        Q[moving] = np.linalg.solve(D, F[moving])
+        dQ[moving] = -np.linalg.solve(D, 1j * (self.C @ Q[moving]) - 2 * w_moving * (self.M @ Q[moving]))
         return Q, dQ
 
 

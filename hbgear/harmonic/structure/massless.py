@@ -88,8 +88,8 @@ def state_equations(system: System, M: Array, C: Array, K: Array, B: Array, T: A
     A[n : 2 * n] = -Mi @ (np.hstack([Ka[0], Cr[0][0], Ka[1]]) + Cr[0][1] @ A[2 * n :])
     F[:n] = Mi @ (rows[0] - Cr[0][1] @ F[n:])
     static = right[2] @ Kei @ left[2].T
-    moved = [one - static @ K @ one for one in right[:2]]
-    return StateEquations(A, F, np.hstack([moved[0], np.zeros((system.n, n)), moved[1]]), static, right)
+    motions = [basis - static @ K @ basis for basis in right[:2]]
+    return StateEquations(A, F, np.hstack([motions[0], np.zeros((system.n, n)), motions[1]]), static, right)
 
 
 def massless_modes(
@@ -116,16 +116,16 @@ def massless_modes(
     ValueError
         If coordinates without mass cannot be eliminated.
     """
-    found = state_equations(system, M, C, K, B, T)
-    n = len(found.A) - len(found.F)
-    clock = np.sqrt(np.abs(found.A[n : 2 * n, :n]).max(initial=0.0)) or 1.0
-    units = np.ones(len(found.A))  # states (a, a'/clock, c) as in LinearStructure
+    equations = state_equations(system, M, C, K, B, T)
+    n = len(equations.A) - len(equations.F)
+    clock = np.sqrt(np.abs(equations.A[n : 2 * n, :n]).max(initial=0.0)) or 1.0
+    units = np.ones(len(equations.A))  # states (a, a'/clock, c) as in LinearStructure
     units[n : 2 * n] = clock
-    poles, V = np.linalg.eig(found.A * units / units[:, None])
+    poles, V = np.linalg.eig(equations.A * units / units[:, None])
     V = V.astype(complex)
     U = np.linalg.inv(V)
     condition = float(np.linalg.norm(V, 1) * np.linalg.norm(U, 1))
-    return poles.astype(complex), found.S @ V, U[:, n:] @ (found.F / units[n:, None]), condition
+    return poles.astype(complex), equations.S @ V, U[:, n:] @ (equations.F / units[n:, None]), condition
 
 
 def mass_basis(M: Array) -> Array:
@@ -138,8 +138,8 @@ def _check_static(system: System, C: Array, K: Array, right: Array, left: Array)
     """Raise an error if the static coordinates cannot be eliminated."""
     if not right.shape[1]:
         return
-    own = left.T @ K @ right
-    values, vectors = np.linalg.svd(own)[1:]
+    static_stiffness = left.T @ K @ right
+    values, vectors = np.linalg.svd(static_stiffness)[1:]
     if values[-1] <= MATRIX_ROUNDING * np.abs(K).max():
         raise ValueError(
             f"coordinate '{_name(system, right @ vectors[-1])}' has no mass, no damping and no stiffness, so that "
@@ -165,11 +165,11 @@ def _name(system: System, motion: Array) -> str:
     return system.dof_names[int(np.argmax(np.abs(motion)))]
 
 
-def _split(A: Array, whole: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+def _split(A: Array, matrix: Array) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
     """Return bases of the rows and of the null space of a square matrix, and the same of its transpose.
 
-    whole : matrix of which A is a part, for the size of its rounding errors.
+    matrix : matrix of which A is a part, for the size of its rounding errors.
     """
     u, s, vt = np.linalg.svd(A)
-    rank = int(np.sum(s > 1e-13 * np.linalg.norm(whole, 2)))
+    rank = int(np.sum(s > 1e-13 * np.linalg.norm(matrix, 2)))
     return (vt[:rank].T, vt[rank:].T), (u[:, :rank], u[:, rank:])

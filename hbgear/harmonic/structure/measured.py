@@ -39,24 +39,24 @@ class MeasuredStructure(LinearStructure):
         if system.n > MODAL_LIMIT:
             raise ValueError(f"{system.n} coordinates are too many with receptances: reduce them to {MODAL_LIMIT}")
         assert system.receptances is not None
-        self._part = system.receptances
-        self.highest = self._part.highest
-        self._at = [list(system.dof_names).index(name) for name in self._part.names]
+        self._measured = system.receptances
+        self.highest = self._measured.highest
+        self._indices = [list(system.dof_names).index(name) for name in self._measured.names]
         super().__init__(system)
 
     def _close(self, system: System) -> None:
         """Set K with the reference springs; there are no modes."""
         self.K = dense(system.K) + (self.W * self.kr) @ self.W.T
-        self.modes, self.parted = None, False
+        self.modes, self.disturbed = None, False
 
     def _stiffness(self, w: float) -> tuple[ComplexArray, ComplexArray]:
         """Return D and dD/dw (n, n)."""
         D = self.K + 1j * w * self.C - w**2 * self.M
         dD = 1j * self.C - 2 * w * self.M
-        Z, dZ = self._part.stiffness(w)
-        where = np.ix_(self._at, self._at)
-        D[where] += Z
-        dD[where] += dZ
+        Z, dZ = self._measured.stiffness(w)
+        block = np.ix_(self._indices, self._indices)
+        D[block] += Z
+        dD[block] += dZ
         return D, dD
 
     def solve(self, w: float, rhs: ComplexArray) -> ComplexArray:

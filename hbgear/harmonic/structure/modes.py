@@ -3,9 +3,10 @@
     z' = poles z - input u,   d = output z        u (m,) forces of the elements beyond their reference springs
 
 A mode with output_j input_j = 0 for all elements is not coupled to them and is left out. In a large structure the modes
-far above the frequencies of a motion are replaced by their static flexibility, d = ... - rest u. The error of this
-residual flexibility is of second order in the ratio of the frequencies. If the elements are stiff compared with these
-modes, the modes are replaced instead by one lumped mode per element, which matches three terms of the power series
+far above the frequencies of a motion are replaced by their static flexibility, d = ... - flexibility u. The error of
+this residual flexibility is of second order in the ratio of the frequencies. If the elements are stiff compared with
+these modes, the modes are replaced instead by one lumped mode per element, which matches three terms of the power
+series
 
     sum_r output_r input_r / (s - poles_r) = g_0 + g_1 s + g_2 s^2 + ...,   g_j = -sum_r output_r poles_r^-(j+1) input_r
     = g_0 (g_0 - g_1 s + (g_1 g_0^-1 g_1 - g_2) s^2)^-1 g_0 + ...           flexibility, damping and inertia
@@ -43,7 +44,7 @@ class SymmetricPair(NamedTuple):
         Excitation of the modes by forces at the ports.
     ports : ndarray, shape (g,)
         Number of the element whose stiffness acts at each port.
-    rest : ndarray, shape (g, g)
+    flexibility : ndarray, shape (g, g)
         Residual flexibility of the modes that are left out.
     """
 
@@ -51,7 +52,7 @@ class SymmetricPair(NamedTuple):
     output: ComplexArray
     input: ComplexArray
     ports: np.ndarray
-    rest: Array
+    flexibility: Array
 
 
 class ModalBlock(NamedTuple):
@@ -75,11 +76,11 @@ class ModalBlocks:
 
     Attributes
     ----------
-    whole : ModalBlock
+    coupled : ModalBlock
         All modes that are coupled to the elements.
-    split : tuple of ModalBlock
+    blocks : tuple of ModalBlock
         The same modes in blocks that are uncoupled as long as identical elements have equal stiffness.
-    idle : ndarray
+    omitted_poles : ndarray
         Poles of the modes left out, both of each pair, the least damped first.
     groups : ndarray, shape (m,)
         First element that each element is identical to.
@@ -87,17 +88,17 @@ class ModalBlocks:
         Inverse modal masses of the elements, from the coupled modes.
     size : int
         Number of multipliers.
-    rest : ndarray, shape (m, m)
+    flexibility : ndarray, shape (m, m)
         Residual flexibility of the modes above the retained frequency.
     """
 
-    whole: ModalBlock
-    split: tuple[ModalBlock, ...]
-    idle: ComplexArray
+    coupled: ModalBlock
+    blocks: tuple[ModalBlock, ...]
+    omitted_poles: ComplexArray
     groups: np.ndarray
     mobility: Array
     size: int
-    rest: Array
+    flexibility: Array
 
 
 _UNCOUPLED_SHARE = 1e-15
@@ -127,41 +128,41 @@ def modal_blocks(
     by one mode per element.
     """
     T, fast = _mean_and_differences(groups), np.abs(poles) > reach
-    idle, rest = poles[fast], np.zeros((len(output), len(output)))
+    omitted, flexibility = poles[fast], np.zeros((len(output), len(output)))
     if fast.any():
-        far = poles[fast], output[:, fast], input_[fast]
-        rest = -((far[1] / far[0]) @ far[2]).real
-        lumps = _lumped(*far, np.eye(len(output)) if T is None else T) if lumped else None
-        near = poles[~fast], output[:, ~fast], input_[~fast]
-        poles, output, input_ = near
-        if lumps is not None:
-            rest = np.zeros_like(rest)
-            poles, output, input_ = _concatenated([near, lumps])
+        fast_modes = poles[fast], output[:, fast], input_[fast]
+        flexibility = -((fast_modes[1] / fast_modes[0]) @ fast_modes[2]).real
+        lumped_modes = _lumped(*fast_modes, np.eye(len(output)) if T is None else T) if lumped else None
+        slow_modes = poles[~fast], output[:, ~fast], input_[~fast]
+        poles, output, input_ = slow_modes
+        if lumped_modes is not None:
+            flexibility = np.zeros_like(flexibility)
+            poles, output, input_ = _concatenated([slow_modes, lumped_modes])
     residues = output.T[:, :, None] * input_[:, None, :]  # (r, m, m)
-    share = np.abs(residues) / np.abs(poles)[:, None, None]
-    largest = share.sum(axis=0).max(initial=0.0)
-    still = share.max(axis=(1, 2), initial=0.0) <= _UNCOUPLED_SHARE * largest
-    taking = np.flatnonzero(~still)
-    everything = _block_of(poles, output, input_, taking, np.arange(len(output)), rest)
-    split: tuple[ModalBlock, ...] = (everything,)
+    contributions = np.abs(residues) / np.abs(poles)[:, None, None]
+    largest = contributions.sum(axis=0).max(initial=0.0)
+    is_uncoupled = contributions.max(axis=(1, 2), initial=0.0) <= _UNCOUPLED_SHARE * largest
+    active = np.flatnonzero(~is_uncoupled)
+    whole_block = _block_of(poles, output, input_, active, np.arange(len(output)), flexibility)
+    blocks: tuple[ModalBlock, ...] = (whole_block,)
     if T is not None:
-        turned = T.T @ output, input_ @ T
-        joined = (
-            np.abs(turned[0].T[taking, :, None] * turned[1][taking, None, :]) / np.abs(poles[taking])[:, None, None]
+        rotated = T.T @ output, input_ @ T
+        coupling = (
+            np.abs(rotated[0].T[active, :, None] * rotated[1][active, None, :]) / np.abs(poles[active])[:, None, None]
         )
-        stiff = T.T @ rest @ T
-        block = _blocks(joined.max(axis=0) + np.abs(stiff) > _BLOCK_COUPLING_TOLERANCE * largest)
-        owner = block[np.argmax(np.einsum("rii->ri", joined), axis=1)]
-        split = tuple(
-            _block_of(poles, turned[0][block == b], turned[1][:, block == b], taking[owner == b],
-                  groups[block == b], stiff[np.ix_(block == b, block == b)]) for b in range(block.max(initial=-1) + 1)
+        flex = T.T @ flexibility @ T
+        block = _blocks(coupling.max(axis=0) + np.abs(flex) > _BLOCK_COUPLING_TOLERANCE * largest)
+        owner = block[np.argmax(np.einsum("rii->ri", coupling), axis=1)]
+        blocks = tuple(
+            _block_of(poles, rotated[0][block == b], rotated[1][:, block == b], active[owner == b],
+                  groups[block == b], flex[np.ix_(block == b, block == b)]) for b in range(block.max(initial=-1) + 1)
         )  # fmt: skip
-        if sum(part.size for part in split) != everything.size or len(split) == 1:
-            split = (everything,)
-    mobility = mobility_of(poles[taking], output[:, taking], input_[taking])
-    idle = np.concatenate([poles[still], idle])
-    idle = idle[np.argsort(-idle.real, kind="stable")]
-    return ModalBlocks(everything, split, idle, groups, mobility, everything.size + len(idle), rest)
+        if sum(part.size for part in blocks) != whole_block.size or len(blocks) == 1:
+            blocks = (whole_block,)
+    mobility = mobility_of(poles[active], output[:, active], input_[active])
+    omitted = np.concatenate([poles[is_uncoupled], omitted])
+    omitted = omitted[np.argsort(-omitted.real, kind="stable")]
+    return ModalBlocks(whole_block, blocks, omitted, groups, mobility, whole_block.size + len(omitted), flexibility)
 
 
 def flexibilities(poles: ComplexArray, output: ComplexArray, input_: ComplexArray) -> tuple[Array, Array]:
@@ -171,17 +172,17 @@ def flexibilities(poles: ComplexArray, output: ComplexArray, input_: ComplexArra
     """
     size = np.abs(poles)
     order = np.argsort(size, kind="stable")
-    each = -(output / poles * input_.T).real[:, order]
+    contributions = -(output / poles * input_.T).real[:, order]
     residual = np.zeros((len(poles) + 1, len(output)))
-    residual[:-1] = np.cumsum(each.T[::-1], axis=0)[::-1]
+    residual[:-1] = np.cumsum(contributions.T[::-1], axis=0)[::-1]
     return size[order], residual
 
 
-def _blocks(joined: np.ndarray) -> np.ndarray:
+def _blocks(is_coupled: np.ndarray) -> np.ndarray:
     """Return the block number of each of m ports, from whether two of them are coupled (m, m)."""
-    if joined.all():
-        return np.zeros(len(joined), dtype=int)
-    blocks: np.ndarray = scipy.sparse.csgraph.connected_components(joined)[1]
+    if is_coupled.all():
+        return np.zeros(len(is_coupled), dtype=int)
+    blocks: np.ndarray = scipy.sparse.csgraph.connected_components(is_coupled)[1]
     return blocks
 
 
@@ -195,21 +196,21 @@ def _lumped(
     powers = -1.0 / poles ** np.array([[1], [2], [3]])
     g = (((T.T @ output) * powers[:, None]) @ (input_ @ T)).real
     block = _blocks(np.abs(g[0]) > _BLOCK_COUPLING_TOLERANCE * np.abs(g[0]).max(initial=0.0))
-    found = []
+    mode_sets = []
     for b in range(block.max(initial=-1) + 1):
         ports = np.flatnonzero(block == b)
-        one = _lumped_block(g[:, ports[:, None], ports], float(np.abs(poles).max()))
-        if one is None:
+        lumped_modes = _lumped_block(g[:, ports[:, None], ports], float(np.abs(poles).max()))
+        if lumped_modes is None:
             return None
-        found.append((one[0], T[:, ports] @ one[1], one[2] @ T[:, ports].T))
-    return _concatenated(found)
+        mode_sets.append((lumped_modes[0], T[:, ports] @ lumped_modes[1], lumped_modes[2] @ T[:, ports].T))
+    return _concatenated(mode_sets)
 
 
 def _concatenated(
-    found: list[tuple[ComplexArray, ComplexArray, ComplexArray]],
+    mode_sets: list[tuple[ComplexArray, ComplexArray, ComplexArray]],
 ) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
     """Concatenate poles, output and input of several sets of modes."""
-    poles, output, input_ = zip(*found, strict=True)
+    poles, output, input_ = zip(*mode_sets, strict=True)
     return np.concatenate(poles), np.concatenate(output, axis=1), np.concatenate(input_)
 
 
@@ -224,10 +225,10 @@ def _lumped_block(g: Array, highest: float) -> tuple[ComplexArray, ComplexArray,
     ):
         return None
     s, Q = np.linalg.eigh(g[0])
-    some = s > _MOMENT_SYMMETRY_TOLERANCE * s[-1]
+    is_positive = s > _MOMENT_SYMMETRY_TOLERANCE * s[-1]
     if not s[-1] > 0 or s[0] < -_MOMENT_SYMMETRY_TOLERANCE * s[-1]:
         return None
-    V = Q[:, some] / np.sqrt(s[some])  # V^T g_0 V = 1
+    V = Q[:, is_positive] / np.sqrt(s[is_positive])  # V^T g_0 V = 1
     C = -V.T @ g[1] @ V
     M, q = C @ C - V.T @ g[2] @ V, len(C)
     try:
@@ -275,20 +276,25 @@ def _mean_and_differences(groups: np.ndarray) -> Array | None:
 
 
 def _block_of(
-    poles: ComplexArray, output: ComplexArray, input_: ComplexArray, some: np.ndarray, ports: np.ndarray, rest: Array
+    poles: ComplexArray,
+    output: ComplexArray,
+    input_: ComplexArray,
+    indices: np.ndarray,
+    ports: np.ndarray,
+    flexibility: Array,
 ) -> ModalBlock:
-    """Return the block of the modes with indices ``some``, at these ports, and with the residual flexibility."""
-    taking = np.zeros(len(poles), dtype=bool)
-    taking[some] = True
-    pairs, alone = (half[taking[half]] for half in halves(poles))
-    kept = np.concatenate([pairs, alone])
-    lam, out, push = (np.array(x, dtype=complex) for x in (poles[kept], output[:, kept], input_[kept]))
+    """Return the block of the modes with these indices and ports, and with the residual flexibility."""
+    is_selected = np.zeros(len(poles), dtype=bool)
+    is_selected[indices] = True
+    pairs, reals = (half[is_selected[half]] for half in halves(poles))
+    order = np.concatenate([pairs, reals])
+    lam, out, force = (np.array(x, dtype=complex) for x in (poles[order], output[:, order], input_[order]))
     k = len(pairs)
     out[:, :k] *= 2.0
-    for x in (lam[k:], out[:, k:], push[k:]):
+    for x in (lam[k:], out[:, k:], force[k:]):
         x.imag = 0.0
     modes = SymmetricPair(
-        lam, np.ascontiguousarray(out), np.ascontiguousarray(push), np.asarray(ports, dtype=np.int64),
-        np.ascontiguousarray(rest),
+        lam, np.ascontiguousarray(out), np.ascontiguousarray(force), np.asarray(ports, dtype=np.int64),
+        np.ascontiguousarray(flexibility),
     )  # fmt: skip
-    return ModalBlock(modes, 2 * k + len(alone))
+    return ModalBlock(modes, 2 * k + len(reals))

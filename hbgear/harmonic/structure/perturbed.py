@@ -68,11 +68,11 @@ class FirstOrderExpansion:
 
     def of(self, system: System) -> LinearStructure:
         """Return the structure of a perturbed system, to first order if its size is the same, else exactly."""
-        one = self.structure
-        if (system.n, len(system.elements)) != (one.n, one.m) or system.speed or system.receptances:
+        base = self.structure
+        if (system.n, len(system.elements)) != (base.n, base.m) or system.speed or system.receptances:
             return LinearStructure(system)
-        near = PerturbedStructure(self, system)
-        return near if near.differs else one
+        perturbed = PerturbedStructure(self, system)
+        return perturbed if perturbed.differs else base
 
     def static(self, F: Array) -> Array:
         """Return K^-1 F (n,) of a constant load."""
@@ -89,10 +89,10 @@ class FirstOrderExpansion:
         if modes.condition < _MAX_MODAL_CONDITION and np.all(
             np.abs(free @ F) <= _FREE_WORK_TOLERANCE * (np.abs(free) @ np.abs(F))
         ):
-            away = 1.0 / (s[:, None] - modes.poles)
+            pole_terms = 1.0 / (s[:, None] - modes.poles)
             output, input_ = W.T @ modes.right, modes.left @ F
-            L, dL = ((output * part[:, None]) @ modes.left for part in (away, -np.square(away)))
-            Q, dQ = (modes.right @ (part[..., None] * input_) for part in (away, -np.square(away)))
+            L, dL = ((output * part[:, None]) @ modes.left for part in (pole_terms, -np.square(pole_terms)))
+            Q, dQ = (modes.right @ (part[..., None] * input_) for part in (pole_terms, -np.square(pole_terms)))
         else:
             inverse, slope = self._inverses.get(s.tobytes(), lambda: self._inverse(s))
             L, Q = W.T @ inverse, inverse @ F
@@ -101,13 +101,13 @@ class FirstOrderExpansion:
 
     def _inverse(self, s: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
         """Return D^-1 and dD/ds (P, n, n)."""
-        one, at = self.structure, s[:, None, None]
-        out = np.empty((len(s), one.n, one.n), dtype=complex)
+        base, exponents = self.structure, s[:, None, None]
+        out = np.empty((len(s), base.n, base.n), dtype=complex)
         moving = s != 0
-        out[moving] = np.linalg.inv(one.K + at[moving] * one.C + at[moving] ** 2 * one.M)
+        out[moving] = np.linalg.inv(base.K + exponents[moving] * base.C + exponents[moving] ** 2 * base.M)
         if not moving.all():
-            out[~moving] = one.solve(0.0, np.eye(one.n))
-        return out, one.C + 2 * at * one.M
+            out[~moving] = base.solve(0.0, np.eye(base.n))
+        return out, base.C + 2 * exponents * base.M
 
 
 class PerturbedStructure(LinearStructure):
@@ -115,7 +115,7 @@ class PerturbedStructure(LinearStructure):
 
     Parameters
     ----------
-    around : FirstOrderExpansion
+    expansion : FirstOrderExpansion
         Expansion about the unperturbed structure.
     system : System
         Perturbed system, with the same coordinates and elements.
@@ -126,30 +126,30 @@ class PerturbedStructure(LinearStructure):
         Whether any matrix differs from the unperturbed structure.
     """
 
-    def __init__(self, around: FirstOrderExpansion, system: System) -> None:
-        one = around.structure
-        self._around, self.system, self.n, self.m = around, system, one.n, one.m
-        self.own, self.joint, self.ties = one.own, one.joint, one.ties
-        self.large = self.parted = False
-        self.W, self.kr, self.c = system.W, one.kr, np.array([e.damping for e in system.elements])
-        self.M, self._scale = dense(system.M), one._scale
+    def __init__(self, expansion: FirstOrderExpansion, system: System) -> None:
+        base = expansion.structure
+        self._expansion, self.system, self.n, self.m = expansion, system, base.n, base.m
+        self.independent, self.force_sums, self.ties = base.independent, base.force_sums, base.ties
+        self.large = self.disturbed = False
+        self.W, self.kr, self.c = system.W, base.kr, np.array([e.damping for e in system.elements])
+        self.M, self._scale = dense(system.M), base._scale
         self.C = dense(system.C) + (self.W * self.c) @ self.W.T
         self.K = dense(system.K) + (self.W * self.kr) @ self.W.T
-        changes = enumerate((self.K - one.K, self.C - one.C, self.M - one.M))
+        changes = enumerate((self.K - base.K, self.C - base.C, self.M - base.M))
         self._changes = [(power, A) for power, A in changes if A.any()]
-        self.differs = bool(self._changes) or any(map(np.any, (self.W - one.W, self.c - one.c)))
+        self.differs = bool(self._changes) or any(map(np.any, (self.W - base.W, self.c - base.c)))
 
     def check_balance(self, system: System) -> None:
         """Raise an error if a constant load acts on a free motion r, r^T (F - E K^-1 F) != 0 to first order."""
-        one = self._around.structure
-        for load in system.loads if one.free_left.shape[1] else ():
+        base = self._expansion.structure
+        for load in system.loads if base.free_left.shape[1] else ():
             if load.constant is None:
                 continue
             F = np.asarray(load.constant)
-            held = F - (self.K - one.K) @ self._around.static(F)
-            for r in one.free_left.T:
-                if abs(r @ held) > _FREE_WORK_TOLERANCE * np.abs(r * F).sum():
-                    raise UnbalancedLoadError(self._describe_unbalance(r, float(r @ held)))
+            net_load = F - (self.K - base.K) @ self._expansion.static(F)
+            for r in base.free_left.T:
+                if abs(r @ net_load) > _FREE_WORK_TOLERANCE * np.abs(r * F).sum():
+                    raise UnbalancedLoadError(self._describe_unbalance(r, float(r @ net_load)))
 
     @property
     def accurate_modes(self) -> bool:
@@ -171,14 +171,14 @@ class PerturbedStructure(LinearStructure):
 
     def _first_order(self, s: ComplexArray, F: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
         """Return W^T D^-1 F and its derivative in s (P, m, c), of F (n, c)."""
-        L, dL, Q = self._around.solutions(s, self.W, F)
-        bent = np.zeros_like(Q)  # E Q, and its derivative
+        L, dL, Q = self._expansion.solutions(s, self.W, F)
+        EQ = np.zeros_like(Q)  # E Q, and its derivative
         for power, A in self._changes:
-            of_Q = (A @ Q.reshape(self.n, -1).view(float)).view(complex).reshape(Q.shape)
+            term = (A @ Q.reshape(self.n, -1).view(float)).view(complex).reshape(Q.shape)
             if power:
-                grown = s[:, None] ** power * of_Q
-                grown[:, 1] += power * s[:, None] ** (power - 1) * of_Q[:, 0]
-                of_Q = grown
-            bent += of_Q
-        left = F - bent[:, 0].transpose(1, 0, 2)
-        return L @ left, dL @ left - L @ bent[:, 1].transpose(1, 0, 2)
+                powered = s[:, None] ** power * term
+                powered[:, 1] += power * s[:, None] ** (power - 1) * term[:, 0]
+                term = powered
+            EQ += term
+        net_load = F - EQ[:, 0].transpose(1, 0, 2)
+        return L @ net_load, dL @ net_load - L @ EQ[:, 1].transpose(1, 0, 2)

@@ -68,10 +68,10 @@ class LinearPart(NamedTuple):
 
 
 class _LoadPart(NamedTuple):
-    """One harmonic Omega^power Re(amplitudes exp(i k theta)) of a load, amplitudes (n,); ``at`` is the index of k."""
+    """Harmonic Omega^power Re(amplitudes exp(i k theta)) of a load, amplitudes (n,); ``position`` is the index of k."""
 
     power: int
-    at: int
+    position: int
     amplitudes: ComplexArray
 
 
@@ -83,7 +83,7 @@ class TruncatedExcitation(NamedTuple):
     ratio : ndarray, shape (L,)
         Orders of Omega.
     loads : list of _LoadPart
-        Loads; ``at`` is the index of the order.
+        Loads; ``position`` is the index of the order.
     displacements : ndarray, shape (m, L)
         Amplitudes of the prescribed displacements.
     """
@@ -97,23 +97,23 @@ class TruncatedExcitation(NamedTuple):
         """Return the excitation of basis harmonics ``orders`` (L,), or None without any."""
         index = {k: i for i, k in enumerate(orders.tolist())}
         e = np.zeros((len(system.elements), len(orders)), dtype=complex)
-        for own, element in zip(e, system.elements, strict=True):
+        for amplitudes, element in zip(e, system.elements, strict=True):
             if not element.displacement.corners:
                 c = to_complex(element.displacement.row(element.displacement.order)).tolist()
                 for order in [k for k in range(len(c)) if k * nu in index]:
-                    own[index[order * nu]] = c[order]
+                    amplitudes[index[order * nu]] = c[order]
         loads = _load_parts(system, nu, index)
         return cls(orders / nu, loads, e) if loads or e.any() else None
 
     def response(self, structure: LinearStructure, Omega: Array, f: ComplexArray) -> ComplexArray:
         """Return W^T D^-1 F_k - e_k (P, m, L), and add -(kr + i w c) e_k of springs and dampers to f (P, m, L)."""
         out = np.tile(-self.displacements, (len(Omega), 1, 1))
-        for one, forces, w in zip(out, f, Omega.tolist(), strict=True):
-            here = structure.at(w)
-            forces -= (here.kr[:, None] + 1j * w * self.ratio * here.c[:, None]) * self.displacements
+        for displacements, forces, w in zip(out, f, Omega.tolist(), strict=True):
+            at_speed = structure.at(w)
+            forces -= (at_speed.kr[:, None] + 1j * w * self.ratio * at_speed.c[:, None]) * self.displacements
             for load in self.loads:
-                q = here.solve(w * self.ratio[load.at], load.amplitudes[:, None])[:, 0]
-                one[:, load.at] += w**load.power * (here.W.T @ q)
+                q = at_speed.solve(w * self.ratio[load.position], load.amplitudes[:, None])[:, 0]
+                displacements[:, load.position] += w**load.power * (at_speed.W.T @ q)
         return out
 
 
@@ -160,36 +160,36 @@ class Receptance:
         self._loads = _load_parts(system, nu, {k: i for i, k in enumerate(self.k.tolist())})
         self.packed = self._pack(np.arange(structure.m), structure.modal)
         self._independent = (
-            self._pack(structure.own, structure.accurate_modes) if structure.constrained else self.packed
+            self._pack(structure.independent, structure.accurate_modes) if structure.constrained else self.packed
         )
         self.truncated = TruncatedExcitation.of(system, self.packed.truncated_orders, nu)
 
-    def _pack(self, own: np.ndarray, modal: bool) -> PackedLinearPart:
-        """Return the arrays for kernels of the elements ``own``, with the poles of the structure if ``modal``."""
-        structure, m = self.structure, len(own)
+    def _pack(self, elements: np.ndarray, modal: bool) -> PackedLinearPart:
+        """Return the arrays for kernels of some elements, with the poles of the structure if ``modal``."""
+        structure, m = self.structure, len(elements)
         poles, residues = np.empty(0, dtype=complex), np.empty((m * (m + len(self._loads)), 0), dtype=complex)
         if modal and structure.modes is not None:
             modes = structure.modes
-            poles, output = modes.poles, modes.output[own]
-            residues = (output[:, None, :] * modes.input[:, own].T).reshape(m * m, len(poles))
+            poles, output = modes.poles, modes.output[elements]
+            residues = (output[:, None, :] * modes.input[:, elements].T).reshape(m * m, len(poles))
             driven = [output * (modes.left @ load.amplitudes) for load in self._loads]
             residues = np.concatenate([residues, *driven])
             order = np.argsort(np.abs(poles), kind="stable")
             poles, residues = poles[order], residues[:, order]
-        loads = np.array([(load.power, load.at) for load in self._loads], dtype=np.int64).reshape(-1, 2)
-        unknown = np.zeros(2 * self.H + 1, dtype=bool)
-        unknown[self.k] = True
+        loads = np.array([(load.power, load.position) for load in self._loads], dtype=np.int64).reshape(-1, 2)
+        is_unknown = np.zeros(2 * self.H + 1, dtype=bool)
+        is_unknown[self.k] = True
         return PackedLinearPart(
-            in_two(poles), in_two(residues), np.array([structure.kr[own], structure.c[own]]), self.k.astype(np.int64),
-            np.flatnonzero(~unknown), np.ascontiguousarray(self.e[:, own]), loads, int(self.nu),
-            *_far_poles(poles, residues),
+            in_two(poles), in_two(residues), np.array([structure.kr[elements], structure.c[elements]]),
+            self.k.astype(np.int64), np.flatnonzero(~is_unknown), np.ascontiguousarray(self.e[:, elements]), loads,
+            int(self.nu), *_far_poles(poles, residues),
         )  # fmt: skip
 
     def loads(self, Omega: float) -> ComplexArray:
         """Return the load harmonics (K + 1, n) at Omega."""
         F = np.zeros((len(self.k), self.structure.n), dtype=complex)
         for part in self._loads:
-            F[part.at] += Omega**part.power * part.amplitudes
+            F[part.position] += Omega**part.power * part.amplitudes
         return F
 
     def at(self, Omega: float) -> LinearPart:
@@ -201,24 +201,24 @@ class Receptance:
             return out
         from hbgear.harmonic.structure.receptance_kernels import linear_part
 
-        own = LinearPart.zero(len(self.k), len(s.own))
-        linear_part(self._independent, float(Omega), *own)
-        if not np.isfinite(own.matrices).all():
+        independent = LinearPart.zero(len(self.k), len(s.independent))
+        linear_part(self._independent, float(Omega), *independent)
+        if not np.isfinite(independent.matrices).all():
             raise ValueError(
                 f"at Omega = {Omega:g} the receptance of the structure is zero or infinite: "
                 "values of the model differ by too many orders of magnitude; check their units"
             )
-        return self._with_dependent_elements(Omega, own) if s.constrained else own
+        return self._with_dependent_elements(Omega, independent) if s.constrained else independent
 
-    def _with_dependent_elements(self, Omega: float, own: LinearPart) -> LinearPart:
+    def _with_dependent_elements(self, Omega: float, independent: LinearPart) -> LinearPart:
         """Return the linear part of all elements from that of the independent ones; the others have springs only."""
         s, ratio = self.structure, (self.k / self.nu)[:, None]
         out = LinearPart.zero(len(self.k), s.m)
         out.matrices[0] = -np.diag(s.kr)
         out.constants[0] = -(s.kr + 1j * Omega * ratio * s.c) * self.e
         out.constants[1] = -1j * ratio * s.c * self.e
-        out.matrices[..., s.own[:, None], s.own] = own.matrices
-        out.constants[..., s.own] = own.constants
+        out.matrices[..., s.independent[:, None], s.independent] = independent.matrices
+        out.constants[..., s.independent] = independent.constants
         return out
 
     def _fill_directly(self, Omega: float, out: LinearPart) -> None:
@@ -229,15 +229,15 @@ class Receptance:
         x, dx = s.response(Omega, ratio, np.column_stack([s.W, amplitudes.T]))
         G, dG = x[..., :m], dx[..., :m]
         Y, dY = out.matrices
-        own = np.ix_(np.arange(len(w)), s.own, s.own) if s.constrained else ...
-        Y[own] = np.linalg.inv(G[own])
-        dY[own] = -(Y[own] @ dG[own] @ Y[own])
+        block = np.ix_(np.arange(len(w)), s.independent, s.independent) if s.constrained else ...
+        Y[block] = np.linalg.inv(G[block])
+        dY[block] = -(Y[block] @ dG[block] @ Y[block])
         constants = out.constants
         constants[:] = (out.matrices @ self.e[..., None])[..., 0]
         constants[0] -= (s.kr + 1j * w[:, None] * s.c) * self.e
         constants[1] -= 1j * ratio[:, None] * s.c * self.e
         for n, part in enumerate(self._loads):
-            k, power = part.at, part.power
+            k, power = part.position, part.power
             y, dy = x[k, :, m + n], dx[k, :, m + n]
             growth = Omega**power
             change = growth * dy + (power * Omega ** (power - 1) * y if power else 0.0)
@@ -270,11 +270,11 @@ def _far_poles(poles: ComplexArray, residues: ComplexArray) -> tuple[Array, np.n
     The poles (r,) ascend; the residues have the shape (N, r).
     """
     counts = 8 * 2 ** np.arange(24)
-    near = counts[counts <= len(poles) - FEW_POLES // 2] if len(poles) > FEW_POLES else counts[:0]
-    far = np.empty((len(near), FAR_POLE_TERMS, len(residues), 2))
-    for own, first in zip(far, near.tolist(), strict=True):
+    near_counts = counts[counts <= len(poles) - FEW_POLES // 2] if len(poles) > FEW_POLES else counts[:0]
+    series = np.empty((len(near_counts), FAR_POLE_TERMS, len(residues), 2))
+    for coefficients, first in zip(series, near_counts.tolist(), strict=True):
         ratio = abs(poles[first]) / poles[first:]
         terms = -(ratio / abs(poles[first]))[:, None] * ratio[:, None] ** np.arange(FAR_POLE_TERMS)
-        found = (residues[:, first:] @ terms).T
-        own[..., 0], own[..., 1] = found.real, found.imag
-    return np.abs(poles[near]), near.astype(np.int64), far
+        sums = (residues[:, first:] @ terms).T
+        coefficients[..., 0], coefficients[..., 1] = sums.real, sums.imag
+    return np.abs(poles[near_counts]), near_counts.astype(np.int64), series

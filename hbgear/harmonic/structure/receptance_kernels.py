@@ -23,23 +23,23 @@ FAR_POLE_RATIO = 4.0
 
 
 @kernel
-def receptance(linear: Any, count: int, w: Any, each: Any, sums: Any) -> None:
+def receptance(linear: Any, count: int, w: Any, pole_terms: Any, sums: Any) -> None:
     """Fill sums (4, N, K) with the first N receptances sum_r residue_r / (i w - pole_r) at K frequencies w.
 
     sums[0] and sums[1] are the real and imaginary parts, sums[2] and sums[3] those of i times the derivative in w.
-    each (2, K) is working memory.
+    pole_terms (2, K) is working memory.
     """
     poles, residues = linear.poles, linear.residues
     sums[:, :, :] = 0.0
-    for r in range(_add_far_poles(linear, count, w, each, sums)):
+    for r in range(_add_far_poles(linear, count, w, pole_terms, sums)):
         for k in range(w.shape[0]):  # the inner loop over frequencies is vectorized
             a, b = -poles[0, r], w[k] - poles[1, r]
             size = 1.0 / (a * a + b * b)
-            each[0, k], each[1, k] = a * size, -b * size
+            pole_terms[0, k], pole_terms[1, k] = a * size, -b * size
         for i in range(count):
             c, d, x, y, u, v = residues[i, 0, r], residues[i, 1, r], sums[0, i], sums[1, i], sums[2, i], sums[3, i]
             for k in range(w.shape[0]):
-                a, b = each[0, k], each[1, k]
+                a, b = pole_terms[0, k], pole_terms[1, k]
                 p, q = c * a - d * b, c * b + d * a
                 x[k] += p
                 y[k] += q
@@ -48,7 +48,7 @@ def receptance(linear: Any, count: int, w: Any, each: Any, sums: Any) -> None:
 
 
 @kernel
-def _add_far_poles(linear: Any, count: int, w: Any, each: Any, sums: Any) -> int:
+def _add_far_poles(linear: Any, count: int, w: Any, pole_terms: Any, sums: Any) -> int:
     """Set sums to the power series of the far poles, by Horner's rule, and return the number of the other poles."""
     highest = 0.0
     for k in range(w.shape[0]):
@@ -60,8 +60,8 @@ def _add_far_poles(linear: Any, count: int, w: Any, each: Any, sums: Any) -> int
         return int(linear.poles.shape[1])
     scale = 1.0 / linear.radius[band]
     for k in range(w.shape[0]):
-        each[0, k] = w[k] * scale
-    z = each[0]
+        pole_terms[0, k] = w[k] * scale
+    z = pole_terms[0]
     for i in range(count):
         x, y, u, v = sums[0, i], sums[1, i], sums[2, i], sums[3, i]
         for j in range(linear.far_series.shape[1] - 1, -1, -1):
@@ -131,32 +131,32 @@ def linear_part(linear: Any, Omega: float, matrices: Any, constants: Any) -> Non
 
 @kernel
 def fill_linear_part(
-    linear: Any, Omega: float, w: Any, each: Any, sums: Any, work: Any, matrices: Any, constants: Any
+    linear: Any, Omega: float, w: Any, pole_terms: Any, sums: Any, work: Any, matrices: Any, constants: Any
 ) -> None:
     """Fill matrices with Z and dZ/dOmega (2, K + 1, m, m) and constants with g and dg/dOmega (2, K + 1, m).
 
-    w, each, sums and work are working memory, see `Workspace`.
+    w, pole_terms, sums and work are working memory, see `Workspace`.
     """
-    m, orders, springs, moved = matrices.shape[2], linear.orders, linear.springs, linear.prescribed
+    m, orders, springs, prescribed = matrices.shape[2], linear.orders, linear.springs, linear.prescribed
     K = orders.shape[0]
     for k in range(K):
         w[k] = Omega * (orders[k] / linear.nu)
-    receptance(linear, linear.residues.shape[0], w, each, sums)
+    receptance(linear, linear.residues.shape[0], w, pole_terms, sums)
     _stiffnesses(sums, orders, linear.nu, work, matrices)
     for k in range(K):
         for i in range(m):
-            e, loss = moved[k, i], orders[k] / linear.nu * springs[1, i]
+            e, loss = prescribed[k, i], orders[k] / linear.nu * springs[1, i]
             g, dg = -complex(springs[0, i], Omega * loss) * e, complex(0.0, -loss) * e
             for j in range(m):
-                g += matrices[0, k, i, j] * moved[k, j]
-                dg += matrices[1, k, i, j] * moved[k, j]
+                g += matrices[0, k, i, j] * prescribed[k, j]
+                dg += matrices[1, k, i, j] * prescribed[k, j]
             constants[0, k, i], constants[1, k, i] = g, dg
     for n in range(linear.loads.shape[0]):
         power, k = linear.loads[n]
         growth, slope = Omega**power, power * Omega ** (power - 1.0)
         for j in range(m):
-            at, ratio = m * (m + n) + j, orders[k] / linear.nu
-            y, dy = complex(sums[0, at, k], sums[1, at, k]), ratio * complex(sums[3, at, k], -sums[2, at, k])
+            row, ratio = m * (m + n) + j, orders[k] / linear.nu
+            y, dy = complex(sums[0, row, k], sums[1, row, k]), ratio * complex(sums[3, row, k], -sums[2, row, k])
             y, dy = growth * y, growth * dy + slope * y
             for i in range(m):
                 constants[0, k, i] -= matrices[0, k, i, j] * y

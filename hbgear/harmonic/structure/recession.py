@@ -116,8 +116,8 @@ class _ScaledLaw(Law):
         """Whether p / r agrees at r = 1e10 and r = 1e12."""
         d, v, tau = (x.ravel() for x in np.meshgrid([-1.0, 1.0], [-1.0, 0.0, 1.0], np.arange(8.0)))
         with np.errstate(all="ignore"):
-            near, far = (np.asarray(self._at(r, d, v, tau)[0]) for r in (1e-2 * _RECESSION_LENGTH, _RECESSION_LENGTH))
-        return bool(np.all(np.abs(near - far) <= _RECESSION_TOLERANCE * self.reference))  # False if not finite
+            low, high = (np.asarray(self._at(r, d, v, tau)[0]) for r in (1e-2 * _RECESSION_LENGTH, _RECESSION_LENGTH))
+        return bool(np.all(np.abs(low - high) <= _RECESSION_TOLERANCE * self.reference))  # False if not finite
 
     def force(self, d: Array, v: Array, tau: Array) -> Forces:
         return self._at(_RECESSION_LENGTH, d, v, tau)

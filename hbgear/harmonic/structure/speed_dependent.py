@@ -37,7 +37,7 @@ class SpeedDependentStructure(LinearStructure):
         If M is singular, or the system has too many coordinates for a direct solution at every frequency.
     """
 
-    spins = True
+    depends_on_speed = True
 
     def __init__(self, system: System) -> None:
         if system.n > MODAL_LIMIT:
@@ -54,7 +54,7 @@ class SpeedDependentStructure(LinearStructure):
     def _close(self, system: System) -> None:
         """Set K at standstill with the reference springs; modes exist at one Omega only, see `at`."""
         self.K = dense(system.K) + (self.W * self.kr) @ self.W.T
-        self.modes, self.parted = None, False
+        self.modes, self.disturbed = None, False
 
     def at(self, Omega: float) -> LinearStructure:
         """Return the structure at one Omega, with its modes."""
@@ -82,11 +82,11 @@ class SpeedDependentStructure(LinearStructure):
         Without one, K is singular at isolated speeds only, as D can be at any other harmonic.
         """
         if self._free is None:
-            closed, self.K = self.K, K
+            at_standstill, self.K = self.K, K
             self.free_left = self._null(K.T)
             try:
                 self.check_balance(self.system)
             finally:
-                self.K = closed
+                self.K = at_standstill
             self._free = self.free_left.shape[1] > 0
         return self._free

@@ -83,7 +83,7 @@ class TorusProblem(ContinuationProblem):
 
     def __init__(self, balance: HarmonicBalance, basis: TorusBasis) -> None:
         structure, evaluator = balance.compiled({}).structure, balance.compiled({})
-        if structure.spins or structure.modes is None:
+        if structure.depends_on_speed or structure.modes is None:
             raise ValueError("tori need a structure with constant matrices and modes: give a System at one speed")
         if structure.constrained:
             raise ValueError(
