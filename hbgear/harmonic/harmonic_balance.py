@@ -248,14 +248,14 @@ class HarmonicBalance(PeriodicMotions):
     @property
     def doubled(self) -> HarmonicBalance:
         """Balance in the basis of twice the period, with 2H + 1 harmonics, for period doublings."""
-        return self._once("doubled", (), lambda: self.with_order(2 * self.nu, 2 * self.H + 1))
+        return self._cached("doubled", (), lambda: self.with_order(2 * self.nu, 2 * self.H + 1))
 
     @property
     def refined_problem(self) -> HarmonicBalance | None:
         """Balance with 2H harmonics; None if these are too many, or receptances are measured."""
         if isinstance(self.compiled({}).structure, MeasuredStructure) or not self.discretization.refinable:
             return None
-        finer = self._once("refined", (), lambda: self.with_order(self.nu, 2 * self.H))
+        finer = self._cached("refined", (), lambda: self.with_order(self.nu, 2 * self.H))
         return None if finer.models.reduced_for is not None and finer.models.reduction({}) is None else finer
 
     @property
@@ -266,7 +266,7 @@ class HarmonicBalance(PeriodicMotions):
         detect that. Without a refined problem H/2 and 3/4 H serve, with weights for errors of order H^-2:
         e(r H) - e(H) = (r^-2 - 1) e(H).
         """
-        return self._once("comparisons", (), self._compared)
+        return self._cached("comparisons", (), self._compared)
 
     def _compared(self) -> Sequence[tuple[ContinuationProblem, float]]:
         finer = self.refined_problem
@@ -283,13 +283,13 @@ class HarmonicBalance(PeriodicMotions):
         if not isinstance(layout, Layout) or (layout.nu == self.nu and layout.harmonics <= self.H):
             return self
         resolution = layout.nu, layout.harmonics
-        return self._once("resized", resolution, lambda: self.with_order(*resolution))
+        return self._cached("resized", resolution, lambda: self.with_order(*resolution))
 
     # ---- other samples, springs and loads
 
     def denser(self, times: int, harmonics: int = 1) -> HarmonicBalance:
         """Return the balance with a multiple of the samples per harmonic and of the harmonics."""
-        return self._once(
+        return self._cached(
             "denser", (times, harmonics), lambda: self._derived(self.discretization.denser(times, harmonics))
         )
 
@@ -321,4 +321,4 @@ class HarmonicBalance(PeriodicMotions):
         system = self.compiled(parameters).system
         if self.solution_norm(X) < _MIN_RECESSION_RATIO * longest(system) or receded(system) is None:
             return None
-        return self._once("recession", (), lambda: self._derived(models=self.models.of_model(Receded(self.model))))
+        return self._cached("recession", (), lambda: self._derived(models=self.models.of_model(Receded(self.model))))

@@ -31,7 +31,7 @@ from hbgear.continuation.results.point import Point
 from hbgear.continuation.tracing.trace import trace
 from hbgear.harmonic.autonomous.modes import STATIC_FREQUENCY
 from hbgear.harmonic.autonomous.unforced import unforced_balance
-from hbgear.harmonic.equations.static_state import forces_at, statics
+from hbgear.harmonic.equations.static_state import forces_at, static_states
 from hbgear.harmonic.structure.linear_structure import dense
 from hbgear.harmonic.structure.massless import massless_modes
 from hbgear.mechanics.models import Model
@@ -137,7 +137,7 @@ class EquilibriumProblem(ContinuationProblem):
         ValueError
             If no equilibrium is found.
         """
-        for state in statics(self.balance.compiled(parameters), STATIC_FREQUENCY):
+        for state in static_states(self.balance.compiled(parameters), STATIC_FREQUENCY):
             if state.balanced:
                 return state.d
         raise ValueError("no equilibrium was found: support the structure, or give start= the displacements")

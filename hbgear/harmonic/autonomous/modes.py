@@ -14,7 +14,7 @@ import scipy
 
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.harmonic.equations.evaluator import Evaluator
-from hbgear.harmonic.equations.static_state import statics
+from hbgear.harmonic.equations.static_state import static_states
 from hbgear.harmonic.structure.linear_structure import dense
 
 STATIC_FREQUENCY = 0.7390851332151607
@@ -58,7 +58,7 @@ def linear_mode(evaluator: Evaluator, number: int) -> LinearMode:
     ValueError
         If the structure has fewer modes that the elements measure.
     """
-    supported = [state for state in statics(evaluator, STATIC_FREQUENCY) if state.balanced and not state.flat]
+    supported = [state for state in static_states(evaluator, STATIC_FREQUENCY) if state.balanced and not state.flat]
     reference = np.zeros(evaluator.m), np.diag(evaluator.structure.kr)
     rest, stiffness = (supported[0].d, supported[0].stiffness) if supported else reference
     modes = _modes(evaluator, rest, stiffness)

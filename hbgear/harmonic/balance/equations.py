@@ -51,7 +51,7 @@ STEP_OVER_DISTANCE = 1e-2
 _MAX_COMPILED_UNKNOWNS = 160
 """Unknowns up to which the compiled continuation loop is faster than Python with LAPACK."""
 
-_MEMORY = {
+_CACHE_SIZES = {
     "units": 32, "layout": 1, "restricted": 4, "denser": 2, "refined": 1, "comparisons": 1, "doubled": 1, "resized": 4,
     "with_cache_size": 1, "perturbed": 1, "recession": 1,
 }  # fmt: skip
@@ -100,24 +100,24 @@ class HarmonicEquations(ContinuationProblem):
     """Positions (m,) of the means of the elements among the unknowns."""
 
     def __init__(self, models: ModelCache) -> None:
-        self._use(models)
+        self._set_models(models)
 
-    def _use(self, models: ModelCache) -> None:
+    def _set_models(self, models: ModelCache) -> None:
         """Take over a model and a discretization; nothing computed with earlier ones is kept."""
         grid = models.discretization
         self.models, self.discretization, self.model, self.reduce = models, grid, models.model, models.reduce
         self.m, self.H, self.nu, self.N, self.is_sampled = grid.m, grid.H, grid.nu, grid.N, grid.sampled
         self.orders, self.selection, self.size, self.means = grid.orders, grid.selection, grid.size, grid.means
-        self._memory: dict[str, LRUCache[Any]] = {kind: LRUCache(count) for kind, count in _MEMORY.items()}
+        self._caches: dict[str, LRUCache[Any]] = {kind: LRUCache(count) for kind, count in _CACHE_SIZES.items()}
 
     def _derived(self, discretization: Discretization | None = None, models: ModelCache | None = None) -> Self:
         """Return the balance with other harmonics or another cache of models; it computes everything again."""
         out = copy.copy(self)
-        out._use((models or self.models).at(discretization or self.discretization))
+        out._set_models((models or self.models).at(discretization or self.discretization))
         return out
 
-    def _once(self, kind: str, key: Hashable, build: Callable[[], Value]) -> Value:
-        return self._memory[kind].get(key, build)  # type: ignore[no-any-return]
+    def _cached(self, kind: str, key: Hashable, build: Callable[[], Value]) -> Value:
+        return self._caches[kind].get(key, build)  # type: ignore[no-any-return]
 
     @property
     def resolution(self) -> str:
@@ -167,7 +167,7 @@ class HarmonicEquations(ContinuationProblem):
         unit = super().unit_of(name, value)
         if value or self.models.defaults.get(name, 1.0):
             return unit
-        return self._once("units", name, lambda: self.models.unit_at_zero(name, unit))
+        return self._cached("units", name, lambda: self.models.unit_at_zero(name, unit))
 
     def missing(self, known: Sequence[str]) -> Sequence[str]:
         """Return Omega if it is not given."""
@@ -331,7 +331,7 @@ class HarmonicEquations(ContinuationProblem):
         level = 2.0 ** math.ceil(math.log2(high if name == "Omega" else fixed["Omega"]))
         if reduced_for is not None and level <= reduced_for:
             return self
-        return self._once("restricted", level, lambda: self._reduced(level) or self._reduced(None) or self)
+        return self._cached("restricted", level, lambda: self._reduced(level) or self._reduced(None) or self)
 
     def _reduced(self, Omega: float | None) -> Self | None:
         """Return the balance of a structure reduced for frequencies up to Omega; None if that is not possible."""
@@ -342,7 +342,7 @@ class HarmonicEquations(ContinuationProblem):
         """Return the balance with a cache for at least this number of parameter sets."""
         if sets <= self.models.sets:
             return self
-        return self._once("with_cache_size", sets, lambda: self._derived(models=self.models.with_size(sets)))
+        return self._cached("with_cache_size", sets, lambda: self._derived(models=self.models.with_size(sets)))
 
     def perturbed(self, parameters: Mapping[str, float], sets: int) -> Self:
         """Return the balance near these parameters, for derivatives: structures are first-order expansions.
@@ -352,4 +352,4 @@ class HarmonicEquations(ContinuationProblem):
         if self.models.is_expanded:
             return self
         key = self.models.changes(parameters), sets
-        return self._once("perturbed", key, lambda: self._derived(models=self.models.expanded(parameters, sets)))
+        return self._cached("perturbed", key, lambda: self._derived(models=self.models.expanded(parameters, sets)))

@@ -23,7 +23,7 @@ from hbgear.continuation.solvers.newton import NoConvergence, Solution, solve
 from hbgear.continuation.stepping.control import StepControl
 from hbgear.continuation.tracing.trace import trace
 from hbgear.harmonic.equations.evaluator import Evaluator
-from hbgear.harmonic.equations.static_state import linear_response, statics
+from hbgear.harmonic.equations.static_state import linear_response, static_states
 from hbgear.mechanics.series.fourier import places, to_real
 from hbgear.mechanics.series.real_basis import derivative
 
@@ -60,7 +60,7 @@ def find_motion(problem: Any, parameters: dict[str, float]) -> Array:
 
 def initial_guesses(compiled: Evaluator, Omega: float) -> Iterator[Array]:
     """Yield the linear responses about static states, and the static states, the stable ones first."""
-    for static in statics(compiled, Omega):
+    for static in static_states(compiled, Omega):
         d = linear_response(compiled, Omega, static)
         yield to_real(d).ravel()
         yield to_real(np.concatenate([d[:, :1], 0 * d[:, 1:]], axis=1)).ravel()
@@ -109,7 +109,7 @@ def from_damped(problem: Any, parameters: dict[str, float]) -> Solution:
     """
     compiled = problem.compiled(parameters)
     failure: NoConvergence | None = None
-    for static in statics(compiled, parameters["Omega"]):
+    for static in static_states(compiled, parameters["Omega"]):
         if not static.balanced:
             continue
         d = np.zeros((compiled.m, len(compiled.orders)), dtype=complex)

@@ -47,7 +47,7 @@ class PeriodicMotions(HarmonicEquations):
     @property
     def layout(self) -> Layout:
         """Names and measures of the unknowns."""
-        return self._once("layout", (), self._build_layout)
+        return self._cached("layout", (), self._build_layout)
 
     def _build_layout(self) -> Layout:
         elements = self.models.system({}).elements

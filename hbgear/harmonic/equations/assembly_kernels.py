@@ -134,7 +134,7 @@ def curvature(packed: Any, X: Any, v: Any, h: float, workspace: Any, dJ_dv: Any,
         Array to be filled with the derivative in Omega.
     """
     dZ, orders, space = workspace.matrices[1], packed.linear.orders, workspace.space
-    m, n, kappa, more = dZ.shape[1], X.shape[0] // dZ.shape[1], space.kappa, space.more
+    m, n, kappa, extra = dZ.shape[1], X.shape[0] // dZ.shape[1], space.kappa, space.extra
     shifted = np.empty(X.shape[0])
     dJ_dv[:, :] = 0.0
     dJ_dOmega[:, :] = 0.0
@@ -145,7 +145,7 @@ def curvature(packed: Any, X: Any, v: Any, h: float, workspace: Any, dJ_dv: Any,
         project(packed, workspace.coefficients, space)
         for j in range(m):
             for k in range(kappa.shape[1]):
-                kappa[j, k] = (kappa[j, k] + more[j, k]) * (sign / (2 * h))
+                kappa[j, k] = (kappa[j, k] + extra[j, k]) * (sign / (2 * h))
             add_product(kappa[j], orders, dJ_dv[j * n : (j + 1) * n, j * n : (j + 1) * n])
     for k in range(dZ.shape[0]):
         for i in range(m):
@@ -168,8 +168,8 @@ def _add_harmonic(Z: complex, k: int, J: Any, row: int, column: int) -> None:
 
 @kernel
 def _fill_forces(coefficients: Any, orders: Any, space: Any, R: Any, J: Any) -> float:
-    """Set R to kappa d + chi and J to T(kappa + more), adding more to kappa; return the norm of R."""
-    kappa, chi, more, c, n, total = space.kappa, space.chi, space.more, space.waves, 2 * orders.shape[0] - 1, 0.0
+    """Set R to kappa d + chi and J to T(kappa + extra), the new kappa; return the norm of R."""
+    kappa, chi, extra, c, n, total = space.kappa, space.chi, space.extra, space.waves, 2 * orders.shape[0] - 1, 0.0
     J[:, :] = 0.0
     for j in range(coefficients.shape[0]):
         fill_one_sided(coefficients[j], c)
@@ -182,8 +182,8 @@ def _fill_forces(coefficients: Any, orders: Any, space: Any, R: Any, J: Any) -> 
             else:
                 R[position] = f.real
                 total += R[position] ** 2
-        for k in range(more.shape[1]):
-            kappa[j, k] += more[j, k]
+        for k in range(extra.shape[1]):
+            kappa[j, k] += extra[j, k]
         add_product(kappa[j], orders, J[j * n : (j + 1) * n, j * n : (j + 1) * n])
     return math.sqrt(total)
 

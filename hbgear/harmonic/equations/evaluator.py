@@ -137,8 +137,8 @@ class Evaluator:
             self.python_forces += (SampledVectorLaws(self.vectors, transform, nu),)
         if self.damped:
             self.python_forces += (DampedContacts(self.laws, nu),)
-        self.breakpoints = laws.level[: packing.public]
-        self.displacement = laws.owner[: packing.public]
+        self.breakpoints = laws.level[: packing.public_count]
+        self.displacement = laws.owner[: packing.public_count]
         self.element = laws.element[self.displacement]
         self._linear: tuple[float, LinearPart] | None = None
         self._mode_cache: LRUCache[ModalBlocks] = LRUCache(32)
@@ -236,7 +236,7 @@ class Evaluator:
         if not self.structure.constrained:
             return R, J, dR, size
         ties = self.structure.ties
-        R, J, dR = self._joined(R), self._joined(J), self._joined(dR)
+        R, J, dR = self._tied(R), self._tied(J), self._tied(dR)
         R += (ties @ (X.reshape(self.m, -1) + to_real(self.receptance.e.T))).ravel()
         J += self._ties
         return R, J, dR, size
@@ -246,7 +246,7 @@ class Evaluator:
         """Derivatives (n, n) of the constraints between elements."""
         return np.kron(self.structure.ties, np.eye(2 * len(self.orders) - 1))
 
-    def _joined(self, rows: Array) -> Array:
+    def _tied(self, rows: Array) -> Array:
         """Return the constrained balance from the balances (n, ...) of the single elements."""
         out: Array = self.structure.force_sums @ rows.reshape(self.m, -1)
         return out.reshape(rows.shape)
@@ -311,7 +311,7 @@ class Evaluator:
         blocks[:, a, :, a] = blocks[:, b, :, b] = Z[1:].real
         blocks[:, a, :, b], blocks[:, b, :, a] = Z[1:].imag, -Z[1:].imag
         dJ_dOmega = blocks.reshape(n, n)
-        return (self._joined(dJ_dv), self._joined(dJ_dOmega)) if self.structure.constrained else (dJ_dv, dJ_dOmega)
+        return (self._tied(dJ_dv), self._tied(dJ_dOmega)) if self.structure.constrained else (dJ_dv, dJ_dOmega)
 
     def forces(self, X: Array, Omega: float) -> Array:
         """Return the force harmonics (m, 2H + 1) of all laws in the real basis."""

@@ -99,19 +99,19 @@ class HarmonicSelection:
 @lru_cache(maxsize=256)
 def _orders_up_to(selection: HarmonicSelection, H: int, nu: int) -> np.ndarray:
     """Return the selected basis harmonics up to H, see `HarmonicSelection.selected`."""
-    multiples = _given(selection, H // nu) if selection.given else _crossed(selection.tones, H // nu)
+    multiples = _given_orders(selection, H // nu) if selection.given else _hyperbolic_cross(selection.tones, H // nu)
     out = {nu * k for k in multiples}
     if nu > 1 and selection.given:
         out |= {k for k in range(1, H + 1) if k % nu}
     elif nu > 1:
         bound = (1 + H / (nu * selection.unit)) / 2
-        out |= {k for k in _combined(selection.tones, nu, bound) if k <= H and k % nu}
+        out |= {k for k in _combinations(selection.tones, nu, bound) if k <= H and k % nu}
     orders = np.array(sorted(out), dtype=np.int64)
     orders.flags.writeable = False
     return orders
 
 
-def _given(selection: HarmonicSelection, H: int) -> set[int]:
+def _given_orders(selection: HarmonicSelection, H: int) -> set[int]:
     """Return the given orders, and the orders that each doubling of the highest one adds."""
     doublings = max(0, int(np.ceil(log2(max(H, 1) / max(selection.given)) - 1e-12)))
     listed = doublings > 0 and bool(selection.more)
@@ -121,14 +121,14 @@ def _given(selection: HarmonicSelection, H: int) -> set[int]:
     return {k for k in out if k <= H}
 
 
-def _crossed(tones: tuple[int, ...], H: int) -> set[int]:
+def _hyperbolic_cross(tones: tuple[int, ...], H: int) -> set[int]:
     """Return the combinations of the tones up to order H; those of half orders with half the bound."""
     bound = 1 + H / max(tones)
-    halves = {k // 2 for k in _combined(tones, 2, bound / 2) if k % 2 == 0}
-    return {k for k in halves | _combined(tones, 1, bound) if k <= H}
+    halves = {k // 2 for k in _combinations(tones, 2, bound / 2) if k % 2 == 0}
+    return {k for k in halves | _combinations(tones, 1, bound) if k <= H}
 
 
-def _combined(tones: tuple[int, ...], divisor: int, bound: float) -> set[int]:
+def _combinations(tones: tuple[int, ...], divisor: int, bound: float) -> set[int]:
     """Return the orders |sum_i a_i p_i|, in units of 1 / parts, with prod_i (1 + |a_i| / parts) <= bound."""
     terms = {(0, 1.0)}
     for tone in tones:
@@ -217,15 +217,15 @@ def _orders(function: Phased) -> list[int]:
     Of a function with breakpoints the first orders are returned if their greatest common divisor is 1.
     """
     if not isinstance(function, Periodic):
-        return _not_zero(function.row())
+        return _nonzero_orders(function.row())
     count = _repetitions(function)
     if count > 1:
         return [count * k for k in _orders(_first_repetition(function, count))]
-    first = _not_zero(function.row(_FIRST_ORDERS))
-    return first if gcd(*first) == 1 else _not_zero(function.row(_SERIES_ORDERS))
+    first = _nonzero_orders(function.row(_FIRST_ORDERS))
+    return first if gcd(*first) == 1 else _nonzero_orders(function.row(_SERIES_ORDERS))
 
 
-def _not_zero(row: np.ndarray) -> list[int]:
+def _nonzero_orders(row: np.ndarray) -> list[int]:
     """Return the orders of a real row whose amplitudes are not zero."""
     size = np.hypot(row[1::2], row[2::2])
     orders: list[int] = (1 + np.flatnonzero(size > _ZERO_AMPLITUDE_RATIO * np.abs(row).max(initial=0.0))).tolist()

@@ -36,7 +36,7 @@ _MAX_HALVINGS = 12
 
 @kernel
 def locate(
-    packed: Any, condition: int, u: Any, plain: int, tolerance: float, max_iterations: int, R: Any, A: Any
+    packed: Any, condition: int, u: Any, full_steps: int, tolerance: float, max_iterations: int, R: Any, A: Any
 ) -> tuple[int, float]:
     """Solve {R, g} = 0 by Newton's method, starting at u.
 
@@ -48,7 +48,7 @@ def locate(
         Index of the clearance that vanishes, see `HarmonicBalance.clearance`; or `FOLD`, or `HELD` for a fixed Omega.
     u : ndarray, shape (n + 1,)
         Initial guess (X, Omega), overwritten by the solution.
-    plain : int
+    full_steps : int
         Number of full Newton steps without checks. If 0, the iteration uses step halving and stops when the residual is
         below ``tolerance``; except for `HELD`, one more step is taken if it reduces the residual.
     tolerance : float
@@ -70,7 +70,7 @@ def locate(
     n, workspace = u.shape[0] - 1, workspace_for(packed)
     residual, J, dR = np.empty(n), np.empty((n, n)), np.empty(n)
     borders, trial, new_R, B = np.empty((2, n)), u.copy(), np.empty(n + 1), np.empty((n + 1, n + 1))
-    count, halved, is_final, factor, weight, size = -1, 0, False, 1.0, 1.0, 1.0
+    count, halvings, is_final, factor, weight, size = -1, 0, False, 1.0, 1.0, 1.0
     while True:  # one call only: each further call of an inlined function adds its compile time
         new_size = residual_and_jacobian(packed, trial, residual, J, dR, workspace)
         if count < 0:
@@ -82,28 +82,28 @@ def locate(
         else:
             g = _clearance(packed, condition, workspace, B[n])
         _fill(residual, J, dR, g, weight, new_R, B)
-        if count < 0 or plain:
+        if count < 0 or full_steps:
             is_accepted = True
         elif is_final:
             is_accepted = scaled_norm(new_R) / new_size < scaled_norm(R) / size
         else:
             is_accepted = scaled_norm(new_R) < scaled_norm(R) * (1.0 - 0.1 * factor)
         if is_accepted:
-            size, halved, factor = _accept(trial, new_R, B, new_size, u, R, A), 0, 1.0
+            size, halvings, factor = _accept(trial, new_R, B, new_size, u, R, A), 0, 1.0
             count += 1
         else:
-            halved, factor = halved + 1, 0.5 * factor
-        if is_final or halved == _MAX_HALVINGS:
+            halvings, factor = halvings + 1, 0.5 * factor
+        if is_final or halvings == _MAX_HALVINGS:
             return (count if is_final else -1), size
-        is_final = not plain and scaled_norm(R) <= tolerance * size
+        is_final = not full_steps and scaled_norm(R) <= tolerance * size
         if is_final and condition == HELD:
             return count, size
         if count == max_iterations and not is_final:
             return -1, size
-        if not _newton_step(u, R, A, factor, u if count + 1 == plain else trial):
+        if not _newton_step(u, R, A, factor, u if count + 1 == full_steps else trial):
             return (count if is_final else -1), size
-        if count + 1 == plain:
-            return plain, size
+        if count + 1 == full_steps:
+            return full_steps, size
 
 
 @kernel

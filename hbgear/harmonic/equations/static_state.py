@@ -43,7 +43,7 @@ class Static(NamedTuple):
     flat: bool = False
 
 
-def statics(compiled: Evaluator, Omega: float) -> Iterator[Static]:
+def static_states(compiled: Evaluator, Omega: float) -> Iterator[Static]:
     """Yield static states from Newton's method with harmonic 0 alone, the stable ones first.
 
     It starts at rest and at displacements on both sides. Iterates that did not converge come last.
@@ -199,7 +199,7 @@ def static_stiffness(compiled: Evaluator, Omega: float) -> Array | None:
 
     Stable equilibria are preferred, first at rest, then on the side of the load.
     """
-    for static in statics(compiled, Omega):
+    for static in static_states(compiled, Omega):
         if static.balanced:
             distance = _BREAKPOINT_DISTANCE * _characteristic_lengths(compiled, Omega)
             below, above = (_mean_force_and_stiffness(compiled, static.d + side * distance)[1] for side in (-1.0, 1.0))

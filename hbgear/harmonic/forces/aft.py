@@ -104,8 +104,8 @@ class SampledLaws:
         samples[0] += self._grid[0]
         if self.rated:
             samples[1] += Omega / self.nu * self._grid[1]
-        rest = np.zeros(self._transform.N)
-        results = [law(d, samples[1, i] if self.rated else rest) for i, (law, d) in enumerate(
+        zeros = np.zeros(self._transform.N)
+        results = [law(d, samples[1, i] if self.rated else zeros) for i, (law, d) in enumerate(
             zip(self._bind, samples[0], strict=True))]  # fmt: skip
         p, stiffness, damping = (np.array(arrays) for arrays in zip(*results, strict=True))
         spectra = self._transform.spectrum(np.concatenate([p, stiffness, damping] if self.rated else [p, stiffness]))
@@ -172,14 +172,14 @@ class SampledLaws:
         """Fill f (P, m, L) with the truncated force harmonics ``orders`` (L,) of motions X (P, n), up to N / 2."""
         P, m, _ = f.shape
         N = self._transform.N
-        reached = orders[orders < N // 2]
+        resolved = orders[orders < N // 2]
         c = to_complex(X.reshape(P, m, -1))[:, self.elements]
         velocity = samples_of((Omega / self.nu)[:, None, None] * derive(c), N)
         velocity += (Omega / self.nu)[:, None, None] * self._grid[1]
         tau = np.tile(2 * np.pi * self.nu * np.arange(N) / N, P)
         for i, (j, d) in enumerate(zip(self.elements, (samples_of(c, N) + self._grid[0]).swapaxes(0, 1), strict=True)):
             p = self.laws[i].force(d.ravel(), velocity[:, i].ravel(), tau)[0].reshape(P, -1)
-            f[:, j, : len(reached)] = 2 * np.fft.rfft(p)[:, reached] / N
+            f[:, j, : len(resolved)] = 2 * np.fft.rfft(p)[:, resolved] / N
             for n, motion in enumerate(c[:, i] if i in self.indices else ()):
                 rate = Omega[n] / self.nu * derive(motion)
                 panels = self.between_breakpoints(i, motion, rate)
@@ -238,14 +238,14 @@ class SampledVectorLaws:
     def add_truncated(self, X: Array, Omega: Array, orders: np.ndarray, f: ComplexArray) -> None:
         """Add the truncated force harmonics ``orders`` (L,) of motions X (P, n), up to N / 2, to f (P, m, L)."""
         N, m = self._transform.N, f.shape[1]
-        reached = orders[orders < N // 2]
+        resolved = orders[orders < N // 2]
         c = to_complex(X.reshape(len(X), m, -1))
         for elements, law in self.groups:
             d = samples_of(c[:, elements], N).swapaxes(0, 1).reshape(len(elements), -1)
             rates = (Omega / self.nu)[:, None, None] * derive(c[:, elements])
             v = samples_of(rates, N).swapaxes(0, 1).reshape(len(elements), -1)
             p = law.force(d, v, np.tile(self._tau, len(X)))[0].reshape(len(elements), len(X), N).swapaxes(0, 1)
-            f[:, elements, : len(reached)] += 2 * np.fft.rfft(p)[..., reached] / N
+            f[:, elements, : len(resolved)] += 2 * np.fft.rfft(p)[..., resolved] / N
 
 
 def roots_of(c: ComplexArray, level: float = 0.0) -> Array:

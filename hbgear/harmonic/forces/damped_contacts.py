@@ -152,9 +152,9 @@ def _indicator(ends: Array, order: int) -> ComplexArray:
     """Return the two-sided coefficients n = 0..order of the indicator function of intervals (I, 2)."""
     n = np.arange(1, order + 1)
     waves = np.exp(-1j * n[:, None, None] * ends)
-    rest = (waves[..., 0] - waves[..., 1]).sum(axis=1) / (2j * np.pi * n)
+    harmonics = (waves[..., 0] - waves[..., 1]).sum(axis=1) / (2j * np.pi * n)
     mean = (ends[:, 1] - ends[:, 0]).sum() / (2 * np.pi)
-    return np.concatenate([[mean], rest])
+    return np.concatenate([[mean], harmonics])
 
 
 def _basis(theta: Array, H: int) -> Array:

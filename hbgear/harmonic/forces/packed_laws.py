@@ -70,14 +70,14 @@ class MovingLevel(NamedTuple):
 class Packing(NamedTuple):
     """Table of laws with its springs, the moving levels, and the numbers of the elements that it does not describe.
 
-    public : number of the breakpoints of the laws, the first in the table.
+    public_count : number of the breakpoints of the laws, the first in the table.
     """
 
     table: PackedLaws
     springs: list[PackedSpring]
     levels: list[MovingLevel]
     unpacked: np.ndarray
-    public: int
+    public_count: int
 
 
 def pack_laws(laws: Sequence[Law], sampled: bool, nu: int) -> Packing:
@@ -85,7 +85,7 @@ def pack_laws(laws: Sequence[Law], sampled: bool, nu: int) -> Packing:
     m = len(laws)
     split_laws = [None if sampled else moving_springs_of(law) for law in laws]
     levels, owner, level = _public_breakpoints(laws, split_laws)
-    public = len(level)
+    public_count = len(level)
     position = {(j, x): i for i, (j, x) in enumerate(zip(owner, level, strict=True))}
     displacement_of: dict[tuple[int, Phased], int] = {}
     springs = []
@@ -129,7 +129,7 @@ def pack_laws(laws: Sequence[Law], sampled: bool, nu: int) -> Packing:
         terms is None and not (isinstance(law, CompiledLaw) and law.is_called_by_kernels)
         for terms, law in zip(split_laws, laws, strict=True)
     ]
-    return Packing(table, springs, levels, np.flatnonzero(is_unpacked), public)
+    return Packing(table, springs, levels, np.flatnonzero(is_unpacked), public_count)
 
 
 def _public_breakpoints(

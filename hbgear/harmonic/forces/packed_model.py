@@ -135,7 +135,7 @@ def user_laws_of(laws: Sequence[Law]) -> UserLaws:
     )
 
 
-def in_two(z: ComplexArray) -> Array:
+def split_complex(z: ComplexArray) -> Array:
     """Return real and imaginary parts (..., 2, r) of complex numbers (..., r)."""
     out = np.empty((*z.shape[:-1], 2, z.shape[-1]))
     out[..., 0, :], out[..., 1, :] = z.real, z.imag

@@ -67,7 +67,7 @@ class ProjectionWorkspace(NamedTuple):
         Number of crossings of each breakpoint.
     above : ndarray, shape (K,)
         Whether the motion is above each breakpoint at phase 0.
-    kappa, chi, more : ndarray, shape (m, order + 1)
+    kappa, chi, extra : ndarray, shape (m, order + 1)
         Coefficients of each element, see `project`.
     samples : ndarray, shape (N,)
         Samples of a displacement.
@@ -77,9 +77,9 @@ class ProjectionWorkspace(NamedTuple):
         One-sided coefficients of a displacement.
     square : ndarray, shape (2H + 1,)
         Two-sided coefficients of a displacement.
-    indicator, pull : ndarray, shape (L,)
+    indicator, gap_part : ndarray, shape (L,)
         Two-sided coefficients of s or k s, and of k w s.
-    both : ndarray, shape (2, S, L)
+    spring_terms : ndarray, shape (2, S, L)
         kappa and chi of each spring without its stiffness series.
     ends : ndarray, shape (2, Q)
         Working memory for derivatives of polynomials.
@@ -93,14 +93,14 @@ class ProjectionWorkspace(NamedTuple):
     above: np.ndarray
     kappa: ComplexArray
     chi: ComplexArray
-    more: ComplexArray
+    extra: ComplexArray
     samples: Array
     motion: Array
     waves: ComplexArray
     square: ComplexArray
     indicator: ComplexArray
-    pull: ComplexArray
-    both: ComplexArray
+    gap_part: ComplexArray
+    spring_terms: ComplexArray
     ends: Array
     slides: SliderWorkspace
 
@@ -143,10 +143,10 @@ def shortest_interval(theta: Any, number: Any) -> float:
 
 @kernel
 def projected(packed: Any, coefficients: Any, order: int) -> Any:
-    """Call `project` from Python; return kappa, chi and more of the workspace."""
+    """Call `project` from Python; return kappa, chi and extra of the workspace."""
     space = projection_workspace(packed, coefficients.shape[0], coefficients.shape[1] // 2, order)
     project(packed, coefficients, space)
-    return space.kappa, space.chi, space.more
+    return space.kappa, space.chi, space.extra
 
 
 @kernel
@@ -192,15 +192,15 @@ def cross(packed: Any, coefficients: Any, ramped: Any, space: Any) -> None:
 
 @kernel
 def project(packed: Any, coefficients: Any, space: Any) -> None:
-    """Fill kappa, chi and more of the workspace with two-sided coefficients 0, 1, ...; dP/dd = Toeplitz(kappa + more).
+    """Fill the workspace with two-sided coefficients kappa, chi and extra; dP/dd = Toeplitz(kappa + extra).
 
     coefficients (m, 2H + 1) : real Fourier coefficients of each element.
     """
     laws, piecewise, c = packed.laws, packed.piecewise, space.waves
-    kappa, chi, more = space.kappa, space.chi, space.more
+    kappa, chi, extra = space.kappa, space.chi, space.extra
     kappa[:, :] = 0j
     chi[:, :] = 0j
-    more[:, :] = 0j
+    extra[:, :] = 0j
     if laws.spring_element.shape[0]:
         cross(packed, coefficients, np.bool_(True), space)  # a literal would compile `cross` a second time
         _add_springs(laws, piecewise, space)
@@ -208,8 +208,8 @@ def project(packed: Any, coefficients: Any, space: Any) -> None:
     for j in range(coefficients.shape[0]):
         if laws.cubic[j, 0] != 0.0 or laws.cubic[j, 1] != 0.0:
             fill_gap(piecewise, coefficients[j], j, c)
-            _add_cubic(c, laws.cubic[j, 0], laws.cubic[j, 1], kappa[j], more[j], space.square)
-            _add_piecewise_cubic(piecewise, j, c, laws.cubic[j, 0], laws.cubic[j, 1], kappa[j], chi[j], more[j])
+            _add_cubic(c, laws.cubic[j, 0], laws.cubic[j, 1], kappa[j], extra[j], space.square)
+            _add_piecewise_cubic(piecewise, j, c, laws.cubic[j, 0], laws.cubic[j, 1], kappa[j], chi[j], extra[j])
         _add_retained(piecewise, j, kappa[j], chi[j])
 
 
@@ -217,32 +217,32 @@ def project(packed: Any, coefficients: Any, space: Any) -> None:
 def _add_springs(laws: Any, piecewise: Any, space: Any) -> None:
     """Add the springs of the table to kappa and chi, computed from the crossings of their breakpoints."""
     theta, sign, count, above = space.theta, space.sign, space.number, space.above
-    s, pull, both, previous = space.indicator, space.pull, space.both, -1
-    both[:, :, :] = 0j
+    s, gap_part, terms, previous = space.indicator, space.gap_part, space.spring_terms, -1
+    terms[:, :, :] = 0j
     for p in range(laws.spring_element.shape[0]):
-        if not spans(piecewise, p, theta[0], sign[0], np.int64(0), np.bool_(True), s, pull, space.ends):
-            both[0, p, 0], both[1, p, 0] = laws.base[p, 0], laws.base[p, 1]
+        if not spans(piecewise, p, theta[0], sign[0], np.int64(0), np.bool_(True), s, gap_part, space.ends):
+            terms[0, p, 0], terms[1, p, 0] = laws.base[p, 0], laws.base[p, 1]
             continue
         for n in range(s.shape[0]):
-            both[0, p, n] = laws.base[p, 0] * s[n]
-            both[1, p, n] = laws.base[p, 1] * s[n] + laws.base[p, 0] * pull[n]
+            terms[0, p, n] = laws.base[p, 0] * s[n]
+            terms[1, p, n] = laws.base[p, 1] * s[n] + laws.base[p, 0] * gap_part[n]
     for r in range(laws.ramp_breakpoint.shape[0]):
         i, p, D = laws.ramp_breakpoint[r], laws.ramp_spring[r], laws.slope_change[r]
-        if spans(piecewise, p, theta[i], sign[i], count[i], above[i], s, pull, space.ends):
+        if spans(piecewise, p, theta[i], sign[i], count[i], above[i], s, gap_part, space.ends):
             previous = -1
             for n in range(s.shape[0]):
-                both[0, p, n] += D * s[n]
-                both[1, p, n] += D * (pull[n] - laws.level[i] * s[n])
+                terms[0, p, n] += D * s[n]
+                terms[1, p, n] += D * (gap_part[n] - laws.level[i] * s[n])
             continue
         if i != previous:
             _indicator(theta[i], sign[i], count[i], above[i], s)
             previous = i
         for n in range(s.shape[0]):
-            both[0, p, n] += D * s[n]
-            both[1, p, n] -= D * laws.level[i] * s[n]
+            terms[0, p, n] += D * s[n]
+            terms[1, p, n] -= D * laws.level[i] * s[n]
     for p in range(laws.spring_element.shape[0]):
-        _modulate(laws.shifts, laws.series[p], both[0, p], space.kappa[laws.spring_element[p]])
-        _modulate(laws.shifts, laws.series[p], both[1, p], space.chi[laws.spring_element[p]])
+        _modulate(laws.shifts, laws.series[p], terms[0, p], space.kappa[laws.spring_element[p]])
+        _modulate(laws.shifts, laws.series[p], terms[1, p], space.chi[laws.spring_element[p]])
 
 
 @kernel
@@ -263,11 +263,11 @@ def _add_retained(piecewise: Any, j: int, kappa: Any, chi: Any) -> None:
 
 @kernel
 def _add_piecewise_cubic(
-    piecewise: Any, j: int, c: Any, k1: float, k3: float, kappa: Any, chi: Any, more: Any
+    piecewise: Any, j: int, c: Any, k1: float, k3: float, kappa: Any, chi: Any, extra: Any
 ) -> None:  # fmt: skip
     """Add the terms of a cubic spring that depend on w, if w has breakpoints.
 
-    The terms of kappa are 3 k3 (t w + w^2), those of chi k1 w + k3 w^3, and those of ``more`` 3 k3 t w.
+    The terms of kappa are 3 k3 (t w + w^2), those of chi k1 w + k3 w^3, and those of ``extra`` 3 k3 t w.
     """
     if piecewise is None:
         return
@@ -279,7 +279,7 @@ def _add_piecewise_cubic(
         tw = coefficient(w[0], c, k)
         kappa[k] += 3.0 * k3 * (tw + w[1, k])
         chi[k] += k1 * w[0, k] + k3 * w[2, k]
-        more[k] += 3.0 * k3 * tw
+        extra[k] += 3.0 * k3 * tw
 
 
 @kernel
@@ -318,16 +318,16 @@ def _modulate(shifts: Any, series: Any, s: Any, out: Any) -> None:
 
 
 @kernel
-def _add_cubic(c: Any, k1: float, k3: float, kappa: Any, more: Any, both: Any) -> None:
-    """Add k1 + k3 d^2 to kappa and 2 k3 d^2 to ``more``; both (2H + 1,) is overwritten."""
+def _add_cubic(c: Any, k1: float, k3: float, kappa: Any, extra: Any, two_sided: Any) -> None:
+    """Add k1 + k3 d^2 to kappa and 2 k3 d^2 to ``extra``; two_sided (2H + 1,) is overwritten."""
     H, order = c.shape[0] - 1, kappa.shape[0] - 1
-    both[H] = c[0]
+    two_sided[H] = c[0]
     for k in range(1, H + 1):
-        both[H + k], both[H - k] = 0.5 * c[k], 0.5 * c[k].conjugate()
+        two_sided[H + k], two_sided[H - k] = 0.5 * c[k], 0.5 * c[k].conjugate()
     kappa[0] += k1
     for k in range(min(2 * H, order) + 1):
         square = 0j
         for n in range(k - H, H + 1):
-            square += both[H + n] * both[H + k - n]
+            square += two_sided[H + n] * two_sided[H + k - n]
         kappa[k] += k3 * square
-        more[k] += 2.0 * k3 * square
+        extra[k] += 2.0 * k3 * square

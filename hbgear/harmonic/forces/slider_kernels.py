@@ -238,11 +238,11 @@ def _sort_turns(count: int, space: Any) -> None:
     """Sort turning points by phase."""
     turn, ratio = space.turn, space.ratio
     for i in range(1, count):
-        phase, own, k = turn[i], ratio[i], i
+        phase, current_ratio, k = turn[i], ratio[i], i
         while k > 0 and turn[k - 1] > phase:
             turn[k], ratio[k] = turn[k - 1], ratio[k - 1]
             k -= 1
-        turn[k], ratio[k] = phase, own
+        turn[k], ratio[k] = phase, current_ratio
 
 
 @kernel

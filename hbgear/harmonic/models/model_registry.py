@@ -105,9 +105,9 @@ def model_class(name: str) -> type[Model]:
         return MODELS[name]
     if ":" in name:
         return find_model_class(name)
-    known = [*MODELS, *installed()]
-    if name not in known:
-        raise KeyError(f"there is no model '{name}'{did_you_mean(name, known)}")
+    names = [*MODELS, *installed()]
+    if name not in names:
+        raise KeyError(f"there is no model '{name}'{did_you_mean(name, names)}")
     return find_model_class(name)
 
 

@@ -54,7 +54,7 @@ _REFERENCE_TRIALS = (
     (1.0, 0.0, _FREE_MOTION_TOLERANCE), (1.37, 0.0, _FREE_MOTION_TOLERANCE), (0.61, 0.0, _FREE_MOTION_TOLERANCE),
     (1.0, 1e-10, _FREE_MOTION_TOLERANCE),
 )  # fmt: skip
-"""Trials of `LinearStructure._close`: factor of the reference springs, disturbance, and zero singular value."""
+"""Trials of `LinearStructure._add_reference_springs`: factor of the springs, disturbance, and zero singular value."""
 
 
 _CANCELLATION_RATIO = 1e-5
@@ -194,9 +194,9 @@ class LinearStructure:
         # scaled by the masses, the test for free motions compares frequencies in any units of the coordinates
         diagonal = np.abs(np.diag(self.M))
         self._scale = 1.0 / np.sqrt(np.where(diagonal > 0, diagonal, diagonal.max(initial=1.0) or 1.0))
-        self._close(system)
+        self._add_reference_springs(system)
 
-    def _close(self, system: System) -> None:
+    def _add_reference_springs(self, system: System) -> None:
         """Add the reference springs to K and compute the modes.
 
         With some reference springs two poles coincide and the eigenvectors become dependent, or a negative K becomes
@@ -343,12 +343,12 @@ class LinearStructure:
         Mi = np.linalg.inv(T.T @ M @ B)
         K, C = Mi @ T.T @ K @ B, Mi @ T.T @ C @ B
         size = B.shape[1]
-        clock = np.sqrt(np.abs(K).max()) or 1.0  # states (q, q'/clock) are independent of the unit of time
+        frequency_scale = np.sqrt(np.abs(K).max()) or 1.0  # states (q, q'/frequency_scale) are independent of the unit of time
         A = np.zeros((2 * size, 2 * size))
-        A[:size, size:], A[size:, :size], A[size:, size:] = clock * np.eye(size), -K / clock, -C
+        A[:size, size:], A[size:, :size], A[size:, size:] = frequency_scale * np.eye(size), -K / frequency_scale, -C
         if disturbance:
-            A += disturbance * clock * np.diag(np.linspace(-1.0, 1.0, 2 * size) ** 3)
-        Z = None if free.shape[1] else self._without_drift(clock)
+            A += disturbance * frequency_scale * np.diag(np.linspace(-1.0, 1.0, 2 * size) ** 3)
+        Z = None if free.shape[1] else self._without_drift(frequency_scale)
         poles, V = np.linalg.eig(A if Z is None else Z.T @ A @ Z)
         poles, V = poles.astype(complex), V.astype(complex)
         try:
@@ -358,7 +358,7 @@ class LinearStructure:
         if Z is not None:
             V, U = Z @ V, U @ Z.T
         right = B @ V[:size]
-        left_vectors = U[:, size:] @ (Mi @ T.T) / clock
+        left_vectors = U[:, size:] @ (Mi @ T.T) / frequency_scale
         output, input_ = self.W.T @ right, left_vectors @ self.W
         # a remaining pole at zero is a drift that no element measures, without effect on the receptance
         keep = np.abs(poles) > 1e-9 * np.abs(poles).max(initial=0.0)

@@ -118,9 +118,9 @@ def massless_modes(
     """
     equations = state_equations(system, M, C, K, B, T)
     n = len(equations.A) - len(equations.F)
-    clock = np.sqrt(np.abs(equations.A[n : 2 * n, :n]).max(initial=0.0)) or 1.0
-    units = np.ones(len(equations.A))  # states (a, a'/clock, c) as in LinearStructure
-    units[n : 2 * n] = clock
+    time_scale = np.sqrt(np.abs(equations.A[n : 2 * n, :n]).max(initial=0.0)) or 1.0
+    units = np.ones(len(equations.A))  # states (a, a'/time_scale, c) as in LinearStructure
+    units[n : 2 * n] = time_scale
     poles, V = np.linalg.eig(equations.A * units / units[:, None])
     V = V.astype(complex)
     U = np.linalg.inv(V)

@@ -44,7 +44,7 @@ class MeasuredStructure(LinearStructure):
         self._indices = [list(system.dof_names).index(name) for name in self._measured.names]
         super().__init__(system)
 
-    def _close(self, system: System) -> None:
+    def _add_reference_springs(self, system: System) -> None:
         """Set K with the reference springs; there are no modes."""
         self.K = dense(system.K) + (self.W * self.kr) @ self.W.T
         self.modes, self.disturbed = None, False

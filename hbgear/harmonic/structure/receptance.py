@@ -29,7 +29,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
-from hbgear.harmonic.forces.packed_model import PackedLinearPart, in_two
+from hbgear.harmonic.forces.packed_model import PackedLinearPart, split_complex
 from hbgear.harmonic.structure.linear_structure import LinearStructure
 from hbgear.mechanics.models import System
 from hbgear.mechanics.series.fourier import stretch, to_complex
@@ -180,7 +180,7 @@ class Receptance:
         is_unknown = np.zeros(2 * self.H + 1, dtype=bool)
         is_unknown[self.k] = True
         return PackedLinearPart(
-            in_two(poles), in_two(residues), np.array([structure.kr[elements], structure.c[elements]]),
+            split_complex(poles), split_complex(residues), np.array([structure.kr[elements], structure.c[elements]]),
             self.k.astype(np.int64), np.flatnonzero(~is_unknown), np.ascontiguousarray(self.e[:, elements]), loads,
             int(self.nu), *_far_poles(poles, residues),
         )  # fmt: skip

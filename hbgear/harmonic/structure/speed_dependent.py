@@ -51,7 +51,7 @@ class SpeedDependentStructure(LinearStructure):
         self._free: bool | None = None
         super().__init__(system)
 
-    def _close(self, system: System) -> None:
+    def _add_reference_springs(self, system: System) -> None:
         """Set K at standstill with the reference springs; modes exist at one Omega only, see `at`."""
         self.K = dense(system.K) + (self.W * self.kr) @ self.W.T
         self.modes, self.disturbed = None, False
