@@ -8,7 +8,7 @@ import pytest
 import hbgear as hb
 from hbgear.continuation.curve.segment import CurvePoint, Segment
 from hbgear.harmonic.balance.initial_guess import from_damped
-from hbgear.harmonic.equations.static_state import statics
+from hbgear.harmonic.equations.static_state import static_states
 
 
 def oscillator(K, C, law, F=0.1, constant=None, displacement=None):
@@ -77,7 +77,7 @@ def test_a_curve_without_a_stable_point_has_a_warning():
 def test_stable_static_states_come_first():
     """Of a double well the two wells, and the top between them last."""
     compiled = hb.HarmonicBalance(oscillator(-1.0, 0.1, hb.Cubic(k3=4.0)), 3).compiled({})
-    found = list(statics(compiled, 1.0))
+    found = list(static_states(compiled, 1.0))
     assert found[0].stable and abs(found[0].d[0]) == pytest.approx(0.5, rel=1e-6)
     assert not found[-1].stable and found[-1].balanced and found[-1].d[0] == pytest.approx(0.0, abs=1e-9)
 

@@ -119,7 +119,7 @@ class EpicyclicLayout(Model):
             if wrong is not None:
                 raise ValueError(f"EpicyclicSet: bodies: '{wrong}' is no gear of a planet"
                                  f"{did_you_mean(wrong, self._planet_gears)}")  # fmt: skip
-            places = {(self._given[name].x, self._given[name].y) for name in body}
+            places = {(self._by_name[name].x, self._by_name[name].y) for name in body}
             if len(places) > 1:
                 raise ValueError(f"EpicyclicSet: bodies: the gears {', '.join(body)} of one planet have different axes")
 
@@ -159,7 +159,7 @@ class EpicyclicLayout(Model):
     # ---- members
 
     @cached_property
-    def _given(self) -> dict[str, Wheel]:
+    def _by_name(self) -> dict[str, Wheel]:
         """Wheels by name, with base radii exactly in the ratio of the teeth of gears that mesh."""
         found, known = {wheel.name: wheel for wheel in self.wheels}, set[str]()
         pending = [mesh for mesh in self.meshes if {mesh.first, mesh.second} <= found.keys()]
@@ -185,7 +185,7 @@ class EpicyclicLayout(Model):
     @cached_property
     def _relative(self) -> dict[str, Fraction]:
         """Speeds of the gears relative to the carrier, over that of one of them."""
-        found: dict[str, Fraction] = dict(kinematics(self._given, self._shafts(("",)), self.meshes).speeds)
+        found: dict[str, Fraction] = dict(kinematics(self._by_name, self._shafts(("",)), self.meshes).speeds)
         return found
 
     @cached_property
@@ -225,11 +225,11 @@ class EpicyclicLayout(Model):
         """All gears in the frame of the carrier; the first wheel of each mesh drives."""
         groups = tuple(str(n + 1) for n in range(self.planets))
         torques = self.torques
-        wheels = [dataclasses.replace(self._given[name], torque=torques.get(name, 0.0)) for name in self._central]
+        wheels = [dataclasses.replace(self._by_name[name], torque=torques.get(name, 0.0)) for name in self._central]
         for n, group in enumerate(groups):
             c, s = cos(2 * pi * n / self.planets), sin(2 * pi * n / self.planets)
             for name in self._planet_gears:
-                one = self._given[name]
+                one = self._by_name[name]
                 wheels.append(dataclasses.replace(
                     one, name=name + group, x=c * one.x - s * one.y, y=s * one.x + c * one.y
                 ))  # fmt: skip

@@ -232,7 +232,7 @@ class Train(TrainLayout):  # numpydoc ignore=PR02
         ]
         rubbing = [
             element for i, (mesh, gap) in enumerate(zip(self.meshes, gaps, strict=True))
-            for element in friction_elements(mesh, gap, self._by_name, found, i, lambda parts: S * self._assembled(parts))
+            for element in friction_elements(mesh, gap, self._by_name, found, i, lambda w: S * self._assembled(w))
         ]  # fmt: skip
         free = self._free_of_rotation(SS * M, SS * K, S) if rubbing else lambda vector: vector
         gaps += [

@@ -230,7 +230,7 @@ def _reduced_multipliers(
     mu = np.empty((len(X), LISTED_MULTIPLIERS), dtype=complex)
     for level, lumped in {*zip(levels.tolist(), flexible.tolist(), strict=True)}:
         rows = np.flatnonzero((levels == level) & (flexible == lumped))
-        modes = compiled.parts(2.0 ** (level / RETAINED_LEVELS_PER_OCTAVE), lumped)
+        modes = compiled.stability_modes(2.0 ** (level / RETAINED_LEVELS_PER_OCTAVE), lumped)
         mu[rows] = _multipliers_of_blocks(compiled, modes, X[rows], Omega[rows], points, width, LISTED_MULTIPLIERS)
     return mu
 
@@ -279,12 +279,12 @@ def _multipliers_of_blocks(
 ) -> ComplexArray:
     """Return `floquet_multipliers` from the modes of some blocks: all of them, or the ``listed`` largest."""
     coupled = compiled.sliders or compiled.vectors  # their elements may belong to different blocks
-    divisible = len(modes.split) > 1 and not coupled
+    divisible = len(modes.blocks) > 1 and not coupled
     identical = _move_identically(compiled, modes, X) if divisible else np.zeros(len(X), dtype=bool)
-    idle = modes.idle[:listed]
-    mu = np.empty((len(X), len(idle) + modes.whole.size + compiled.sliders), dtype=complex)
+    idle = modes.omitted_poles[:listed]
+    mu = np.empty((len(X), len(idle) + modes.coupled.size + compiled.sliders), dtype=complex)
     mu[:, : len(idle)] = np.exp(idle * (2 * np.pi * compiled.nu / Omega)[:, None])
-    for motions, chosen in ((identical, modes.split), (~identical, (modes.whole,))):
+    for motions, chosen in ((identical, modes.blocks), (~identical, (modes.coupled,))):
         if motions.any():
             column = len(idle)
             for block in chosen:
@@ -466,7 +466,7 @@ def _with_coupled_ports(block: ModalBlock, compiled: Evaluator) -> ModalBlock:
     extended = SymmetricPair(
         modes.poles, np.ascontiguousarray(modes.output[displacement]), np.ascontiguousarray(modes.input[:, force]),
         np.concatenate([modes.ports, np.full(len(pairs), -1, dtype=np.int64)]),
-        np.ascontiguousarray(modes.rest[np.ix_(displacement, force)]),
+        np.ascontiguousarray(modes.flexibility[np.ix_(displacement, force)]),
     )  # fmt: skip
     return ModalBlock(extended, block.size)
 

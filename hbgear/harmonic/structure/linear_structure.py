@@ -343,7 +343,8 @@ class LinearStructure:
         Mi = np.linalg.inv(T.T @ M @ B)
         K, C = Mi @ T.T @ K @ B, Mi @ T.T @ C @ B
         size = B.shape[1]
-        frequency_scale = np.sqrt(np.abs(K).max()) or 1.0  # states (q, q'/frequency_scale) are independent of the unit of time
+        # states (q, q'/frequency_scale) are independent of the unit of time
+        frequency_scale = np.sqrt(np.abs(K).max()) or 1.0
         A = np.zeros((2 * size, 2 * size))
         A[:size, size:], A[size:, :size], A[size:, size:] = frequency_scale * np.eye(size), -K / frequency_scale, -C
         if disturbance:
@@ -365,10 +366,11 @@ class LinearStructure:
         condition = float(np.linalg.norm(V, 1) * np.linalg.norm(U, 1)) if np.all(np.isfinite(U)) else np.inf
         return Modes(poles[keep], right[:, keep], left_vectors[keep], output[:, keep], input_[keep], condition)
 
-    def _without_drift(self, clock: float) -> Array | None:
-        """Return a basis of the states (q, q'/clock), scaled by the masses, without free motions and their momentum.
+    def _without_drift(self, frequency_scale: float) -> Array | None:
+        """Return a basis of the states without free motions and their momentum.
 
-        It is None if there are no free motions, or if dampers act on them.
+        The states are (q, q'/frequency_scale), scaled by the masses. The basis is None if there are no free motions, or
+        if dampers act on them.
 
         Gyroscopic forces may act on a free motion r, K r = 0, without doing work, l^T C r = 0 with l^T K = 0. Then
         l^T (M q' + C q) is constant, and r is a drift that no element measures: the pole zero is double.
@@ -380,7 +382,7 @@ class LinearStructure:
         largest = np.abs(s[:, None] * self.C * s).max() * np.linalg.norm(r) * np.linalg.norm(left / s[:, None])
         if np.abs(work).max() > _DRIFT_WORK * largest:
             return None
-        momentum = np.hstack([left.T @ self.C * s, clock * (left.T @ self.M * s)])
+        momentum = np.hstack([left.T @ self.C * s, frequency_scale * (left.T @ self.M * s)])
         momentum /= np.linalg.norm(momentum, axis=1, keepdims=True)
         return _null_space(np.vstack([momentum, np.hstack([r.T, 0 * r.T])]))
 
