@@ -227,10 +227,10 @@ def test_many_motions_over_threads_are_those_of_one(rng, monkeypatch):
 def test_steps_in_one_go_are_the_steps(rng):
     """A machine with one gap has folded steps, which agree with single steps to 1e-12."""
     stepper, y = ExponentialIntegrator(SpurPair(e=(0.1,), eps=(0.2,)), 0.65), rng.uniform(-2, 2, (9, 2))
-    assert stepper.steps.folded.size
+    assert stepper.steps.maps.size
     folded = stepper.start(y)
     stepper.advance(folded, 2)
-    object.__setattr__(stepper.steps, "folded", np.empty((0, 0, 0, 0)))
+    object.__setattr__(stepper.steps, "maps", np.empty((0, 0, 0, 0)))
     plain = stepper.start(y)
     stepper.advance(plain, 2)
     np.testing.assert_allclose(folded.zeta, plain.zeta, rtol=0, atol=1e-12)
