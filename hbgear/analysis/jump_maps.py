@@ -146,12 +146,30 @@ class JumpMap:
         return [(Omega, i) for Omega, _, i in sorted(crossings) if not math.isnan(Omega)]
 
     @cached_property
+    def _detached(self) -> set[int]:
+        """Numbers of the sections that go to infinity and contain no fold of a response curve.
+
+        They belong to curves that were not traced, whose asymptotes are unknown.
+        """
+        infinite = {(fold.values[k], fold.tracked["Omega"][k]) for fold in self.folds for k, _ in fold.unbounded_ends}
+        known = [point.parameters for curve in self.curves for point in folds_of(curve)]
+        return {
+            i for i, arm in enumerate(self.arms)
+            if infinite & {(arm.values[k], arm.Omega[k]) for k in (0, -1)}
+            and not any(abs(arm.at(at[self.parameter]) / at["Omega"] - 1) < SAME_SECTION_TOLERANCE for at in known)
+        }  # fmt: skip
+
+    @cached_property
     def _asymptotes(self) -> list[tuple[float, list[tuple[float, int]]]]:
         """Values of the parameter, ascending, with the asymptotes of the response curves there."""
         return sorted((curve.fixed[self.parameter], _asymptotes_of(curve)) for curve in self.curves)
 
     def _asymptotes_at(self, value: float) -> list[tuple[float, int]]:
-        """Return the asymptotes at a value of the parameter, between the nearest curves if they have the same ones."""
+        """Return the asymptotes at a value of the parameter, between the nearest curves if they have the same ones.
+
+        If they differ, those of the curve are taken from which the number of motions at the ends of the range does not
+        change; if this does not decide, those of the nearer one.
+        """
         entries = self._asymptotes
         if not any(asymptotes for _, asymptotes in entries):
             return []
@@ -159,15 +177,21 @@ class JumpMap:
         (low, below), (high, above) = entries[max(k - 1, 0)], entries[k]
         fraction = (value - low) / (high - low) if high > low else 0.0
         if [change for _, change in below] != [change for _, change in above]:
-            return below if fraction < 0.5 else above
+            near, far = ((low, below), (high, above)) if fraction < 0.5 else ((high, above), (low, below))
+            return far[1] if self._total(value, far[1]) == self._total(*far) != self._total(value, near[1]) else near[1]
         return [((1 - fraction) * a + fraction * b, change) for (a, change), (b, _) in zip(below, above, strict=True)]
+
+    def _total(self, value: float, asymptotes: list[tuple[float, int]]) -> int:
+        """Return the change of the number of motions over the range of Omega."""
+        folds = sum(-2 * self.arms[i].direction for _, i in self._arms_at(value) if i not in self._detached)
+        return folds + sum(change for _, change in asymptotes)
 
     def several_motions(self, value: float) -> list[tuple[float, float]]:
         """Return the intervals of Omega with several motions at a value of the parameter.
 
         The number of motions changes by two at each jump, and by one where a curve grows without bound. These
         frequencies are interpolated between the response curves. An interval without an end extends to the end of the
-        range of Omega.
+        range of Omega. Folds that go to infinity on curves that were not traced are left out.
 
         Parameters
         ----------
@@ -183,7 +207,8 @@ class JumpMap:
 
     def _intervals(self, value: float) -> list[tuple[tuple[float, int], tuple[float, int]]]:
         """Return the intervals of `several_motions`, each end with a number: of its section, or below zero."""
-        changes = [(Omega, i, -2 * self.arms[i].direction) for Omega, i in self._arms_at(value)]
+        arms = [(Omega, i) for Omega, i in self._arms_at(value) if i not in self._detached]
+        changes = [(Omega, i, -2 * self.arms[i].direction) for Omega, i in arms]
         if not changes:
             return []
         changes += [(Omega, -3 - k, change) for k, (Omega, change) in enumerate(self._asymptotes_at(value))]
@@ -227,13 +252,30 @@ class JumpMap:
         list of tuple of ndarray
             Lower and upper Omega of each region, shape (P,) each; nan where the region does not exist.
         """
-        bands: dict[tuple[int, int], tuple[Array, Array]] = {}
+        regions, before = list[tuple[Array, Array]](), dict[tuple[int, int], tuple[Array, Array]]()
+        close = SAME_BAND_TOLERANCE * abs(self.frequencies[1] - self.frequencies[0])
         for n, value in enumerate(values):
+            now = {}
             for (low, i), (high, j) in self._intervals(float(value)):
-                empty = np.full(len(values), math.nan), np.full(len(values), math.nan)
-                band = bands.setdefault((i, j), empty)
+                ends = np.array([low, high])
+                near = (b for b in before.values() if np.all(abs(np.array([b[0][n - 1], b[1][n - 1]]) - ends) < close))
+                band = before.get((i, j)) or next(near, None)
+                if band is None:
+                    band = np.full(len(values), math.nan), np.full(len(values), math.nan)
+                    regions.append(band)
                 band[0][n], band[1][n] = low, high
-        return list(bands.values())
+                now[i, j] = band
+            before = now
+        return regions
+
+
+SAME_BAND_TOLERANCE = 0.02
+"""Change of the ends of a region of several motions from one value to the next, relative to the range of Omega, up to
+which it is the same region; where two sections cross, the end passes from one to the other."""
+
+
+SAME_SECTION_TOLERANCE = 1e-3
+"""Difference of the frequencies of a fold and of a section, which is interpolated, relative, below which they agree."""
 
 
 @checked_arguments(parameter="the name of a parameter, such as 'zeta'")
@@ -337,7 +379,8 @@ def jump_map(
                     continue
                 folds += [(fold, _arms(problem, fold))]
                 ending.merge(fold, f"the curve of the {fold_text}")
-        gap = "; ".join(text for text in (_without_curve(parameter, curves, frequencies), *unconverged) if text)
+        infinite = [_to_infinity(fold) for fold, _ in folds if fold.unbounded_ends]
+        gap = "; ".join(text for text in (_without_curve(parameter, curves, frequencies), *unconverged, *infinite) if text)
     except (Exception, KeyboardInterrupt) as error:
         if not folds and not (curves and isinstance(error, KeyboardInterrupt)):
             raise
@@ -365,6 +408,13 @@ def _without_curve(parameter: str, curves: Mapping[float, Branch], frequencies: 
             gap = coverage_message(curve, curve.others, frequencies)
             return f"at {parameter} = {value:.5g} {gap}; jumps there are not in the map"
     return ""
+
+
+def _to_infinity(fold: Branch) -> str:
+    """Return a sentence on a fold whose motion grows without bound at a value of the parameter."""
+    Omega = fold.tracked["Omega"]
+    ends = " and ".join(f"{fold.parameter} = {p:.5g}, Omega = {Omega[i]:.5g}" for i, p in fold.unbounded_ends)
+    return f"the motion of a fold grows without bound at {ends}"
 
 
 def _seed_values(low: float, high: float, count: int) -> list[float]:

@@ -3,6 +3,7 @@
 import dataclasses
 import re
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from hbgear.analysis import jump_maps
 from hbgear.analysis.critical_parameters import NoFoldError, critical_parameter
 from hbgear.analysis.jump_maps import Arm, jump_map
 from hbgear.continuation import FoldProblem
+from hbgear.continuation.results.status import Status
 
 SPAN = (0.112, 0.120)
 NEAR = {"frequencies": (0.95, 0.8)}
@@ -90,6 +92,53 @@ def test_jumps_of_every_curve_of_the_range_are_on_the_map():
     (low, high), *more = found.several_motions(at)
     assert low == 0.3 and high == pytest.approx(curve.asymptotes["last"], abs=1e-5) and not more
     assert {len(one.others) for one in found.curves} == {1} and found.message == ""
+
+
+@pytest.mark.slow
+def test_a_fold_that_goes_to_infinity_on_a_curve_that_was_not_traced():
+    """The map names it; the intervals of several motions are those of the response curve, counted at its points."""
+    model, at = SpurPair(zeta=0.04, eps=(0.0, 0.2), e=(0.05,)), 0.045
+    found = jump_map(model, "zeta", (0.012, 0.06), frequencies=(1.5, 0.3), harmonics=6, seeds=2)
+    (infinite,) = [fold for fold in found.folds if fold.unbounded_ends]
+    place = f"zeta = {infinite.unbounded_ends[0][1]:.5g}, Omega = {infinite.tracked['Omega'][-1]:.5g}"
+    assert found.status.complete and found.message == f"the motion of a fold grows without bound at {place}"
+    curve = trace(HarmonicBalance(model.replace(zeta=at), 6), "Omega", (1.5, 0.3), stability=False)
+    assert curve.status is Status.REACHED_END and len(found.jumps_at(at)) == 5
+    folds = sorted(p.parameters["Omega"] for p in curve.special if p.kind == "LP")
+    np.testing.assert_allclose(np.ravel(found.several_motions(at)), folds, rtol=1e-3)
+    several = found.bands(np.linspace(0.041, 0.06, 40))
+    assert len(several) == 2 and all(np.isfinite(band).all() for band in several)
+
+
+def test_a_region_of_several_motions_continues_where_two_sections_cross():
+    """Its lower end passes from one section to the other."""
+    values = np.array([0.0, 1.0])
+    ends = (((0.7, 0.9), -1), ((0.9, 0.7), -1), ((1.2, 1.2), 1), ((1.4, 1.4), 1))
+    arms = tuple(Arm(values, np.array(Omega), sign) for Omega, sign in ends)
+    found = jump_maps.JumpMap("zeta", (0.0, 1.0), (), arms, {}, frequencies=(0.5, 2.0))
+    ((low, high),) = found.bands(np.linspace(0.0, 1.0, 60))
+    np.testing.assert_allclose(low, 0.8 - np.abs(np.linspace(-0.1, 0.1, 60)), rtol=1e-12)
+    assert np.all(high == 1.4)
+
+
+def test_asymptotes_between_two_curves_are_those_with_the_same_number_of_motions():
+    """Three folds need an asymptote, two need none, at every value between a curve with and one without."""
+    values = np.array([0.0, 0.4])
+    arms = (
+        Arm(np.array([0.0, 1.0]), np.full(2, 0.7), -1),
+        Arm(np.array([0.0, 1.0]), np.full(2, 1.0), 1),
+        Arm(values, np.full(2, 0.9), -1),
+    )
+    curves = [
+        SimpleNamespace(
+            fixed={"zeta": at},
+            curves=[SimpleNamespace(special=(), values=[1.2], unbounded_ends=[(-1, 1.3)] * count)],
+        )
+        for at, count in ((0.0, 2), (1.0, 0))
+    ]
+    found = jump_maps.JumpMap("zeta", (0.0, 1.0), (), arms, {}, curves=tuple(curves), frequencies=(0.5, 2.0))
+    assert found.several_motions(0.2) == found.several_motions(0.39) == [(0.7, 1.3)]
+    assert found.several_motions(0.41) == found.several_motions(0.9) == [(0.7, 1.0)]
 
 
 @pytest.mark.parametrize(
