@@ -1,5 +1,6 @@
 """The commands map, critical, switch and survey."""
 
+import dataclasses
 import os
 import re
 
@@ -48,6 +49,16 @@ def test_map_gives_the_cusp_and_writes_both_files(run):
 def test_map_without_any_jump(run):
     code, out, err = run("map spur-pair --in zeta=0.2:0.3 --harmonics 3 --seeds 2")
     assert (code, err) == (0, "") and "no jump for zeta between 0.2 and 0.3" in out
+
+
+def test_an_interrupted_map_does_not_state_that_there_are_no_jumps(run, monkeypatch):
+    found = hb.jump_map(hb.SpurPair(), "zeta", (0.2, 0.3), harmonics=3, seeds=2)
+    stopped = dataclasses.replace(found, status=hb.Status.INTERRUPTED, message="interrupted")
+    monkeypatch.setattr(hb, "jump_map", lambda *_, **__: stopped)
+    code, out, err = run("map spur-pair --in zeta=0.2:0.3")
+    assert code == 3 and "no jump" not in out and "interrupted" in err
+    (text,) = hb.plot.jump_map(stopped).texts
+    assert text.get_text() == "no jump yet: the map is not complete"
 
 
 @pytest.mark.slow

@@ -101,9 +101,9 @@ def map_command(
         elif part:
             part.unlink(missing_ok=True)
         out.figure(plot, lambda drawing: drawing.jump_map(found, dimensionless=dimensionless))
-        if not rows:
+        if not rows and found.status.complete and not found.message:
             print(f"no jump for {parameter} between {min(span):g} and {max(span):g}{unit}")
-        else:
+        elif rows:
             headers = [parameter + (f" [{unit.strip()}]" if unit else ""), across.name,
                        f"{'speed' if across.is_speed else 'Omega'} during the jump"]  # fmt: skip
             print_table(headers, rows, "jump curves")

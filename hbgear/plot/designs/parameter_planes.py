@@ -166,7 +166,8 @@ def jump_map(
         if own and scaled_axes(ax, across.above, "right"):
             ax.figure.set_figwidth(6.2)  # type: ignore[union-attr]
         if not jumps.arms:
-            ax.text(0.5, 0.5, "no jump found in this range", transform=ax.transAxes, ha="center")
+            found = "no jump found in this range" if jumps.status.complete else "no jump yet: the map is not complete"
+            ax.text(0.5, 0.5, found, transform=ax.transAxes, ha="center")
         elif legend:
             _add_legend(ax)
     return ax
