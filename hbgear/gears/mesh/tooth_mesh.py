@@ -15,9 +15,10 @@ The driving flank moves towards the tip of the pinion and the back flank towards
     s(u) = s_A + u p_bt,   s_back(u) = s(2 u_c - u),   s(u_c) = r_b1 (tan(alpha_wt) + s_w1 / (2 r_w1))
 
 s_w1 is the thickness of the tooth of the pinion on its working pitch circle. Slices of helical teeth follow each other
-with a lag. The part of a slice within the path of contact grows linearly at the ends of the path. The gap is the mean
-over the contact line of a slice, so that a slice comes into contact at once; the gradual contact of
-`hbgear.gears.mesh.loaded_mesh` is approached with the number of slices.
+with a lag; the back flank of a slice is the driving flank of the opposite slice, mirrored. The part of a slice within
+the path of contact grows linearly at the ends of the path. The gap is the mean over the contact line of a slice, so
+that a slice comes into contact at once; the gradual contact of `hbgear.gears.mesh.loaded_mesh` is approached with the
+number of slices.
 """
 
 from __future__ import annotations
@@ -181,13 +182,13 @@ def _tooth_mesh(pair: GearPair, torque: float, slices: int) -> ToothMesh:
     force = pair.transverse_force(torque)
     path = _Path(pair, force, slices)
     symmetric = not pair.overlap_ratio and slices > 1 and not pair.misalignment
+    factors = [2.0 if 2 * n + 1 < slices else 1.0 for n in range((slices + 1) // 2)] if symmetric else [1.0] * slices
+    driving = [path.slice(number, factor) for number, factor in enumerate(factors)]
+    opposite = driving if symmetric else driving[::-1]
     flanks: list[Flank] = []
-    for number in range((slices + 1) // 2 if symmetric else slices):
-        factor = 2.0 if symmetric and 2 * number + 1 < slices else 1.0
-        stiffness, gap = path.slice(number, factor)
-        flanks.append(Flank(1, stiffness, gap, lag=path.lag[number]))
-        back_gap = gap.plus(-2 * pair.misalignment * float(path.z[number]))  # misaligned the other way
-        flanks.append(Flank(-1, stiffness.mirrored(path.centre), back_gap.mirrored(path.centre), lag=path.lag[number]))
+    for (stiffness, gap), (back_stiffness, back_gap), lag in zip(driving, opposite, path.lag, strict=False):
+        flanks.append(Flank(1, stiffness, gap, lag=lag))
+        flanks.append(Flank(-1, back_stiffness.mirrored(path.centre), back_gap.mirrored(path.centre), lag=lag))
     path.check_sharing()
     mean = sum(integral(flank.stiffness.rows, np.diff(flank.stiffness.nodes)) for flank in flanks if flank.side > 0)
     return ToothMesh(tuple(flanks), mean, force, pair)
