@@ -13,6 +13,7 @@ from hbgear.harmonic.multipliers.hill import hill_multipliers
 from hbgear.mechanics import MatrixTable, SpeedTerms, reduce
 from hbgear.mechanics.series.fourier import to_complex
 from hbgear.time import integrate, shoot
+from hbgear.time.exponential.integrator import ExponentialIntegrator
 from hbgear.time.integration import state_of
 
 M, K, C, U = 1.3, 2.0, 0.05, 0.1  # Jeffcott rotor: mass, stiffness, damping, unbalance
@@ -186,6 +187,9 @@ def test_one_stepper_for_several_speeds():
     for i, Omega in enumerate((0.8, 1.4)):
         one = integrate(system, state, 2, Omega)
         np.testing.assert_allclose(both.end[i], one.end, atol=1e-7)
+    stepper = ExponentialIntegrator(system, np.array([0.8, 1.1, 1.4]))
+    some = stepper.select(np.array([2, 0])).select(np.array([1]))
+    assert some.Omega.tolist() == [0.8] and some.at(1.3).Omega.tolist() == [1.3]
 
 
 def test_table_and_function_are_one():

@@ -247,7 +247,8 @@ class ExponentialIntegrator:
         out.index, out.Omega, out.rows = self.index[motions], self.Omega[motions], len(motions)
         if len(self._models) > 1:
             out._models = self._models[motions]
-            out._speed_dependent = tuple(self._speed_dependent[i] for i in motions if self._speed_dependent)
+        if len(self._speed_dependent) > 1:
+            out._speed_dependent = tuple(self._speed_dependent[i] for i in motions)
         out.z, out.y, out._output = self.z[motions], self.y[motions], self._output[motions]
         out.plan, out.breakpoints = (
             table and type(table)(*(x[motions] for x in table)) for table in (self.plan, self.breakpoints)
