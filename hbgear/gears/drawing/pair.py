@@ -59,8 +59,8 @@ class GearPair:  # numpydoc ignore=PR02
     misalignment : float or str, default 0.0
         Distance of the driving flanks at one end of the face if they touch at the other end [m], along the line of
         action in the transverse plane: the sum of lead errors of both gears and misalignment of the shafts. It is
-        positive if the gap is at the end with the larger coordinate, where helical teeth (of a right-hand pinion) leave
-        contact last. The back flanks have it at the other end.
+        positive if the gap is at the end of the face where helical teeth leave contact last, for both hands and for a
+        pinion that drives. The back flanks have it at the other end.
 
     Raises
     ------
