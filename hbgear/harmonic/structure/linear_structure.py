@@ -349,7 +349,7 @@ class LinearStructure:
         A[:size, size:], A[size:, :size], A[size:, size:] = frequency_scale * np.eye(size), -K / frequency_scale, -C
         if disturbance:
             A += disturbance * frequency_scale * np.diag(np.linspace(-1.0, 1.0, 2 * size) ** 3)
-        Z = None if free.shape[1] else self._without_drift(frequency_scale)
+        Z = None if free.shape[1] else _without_drift(self, frequency_scale)
         poles, V = np.linalg.eig(A if Z is None else Z.T @ A @ Z)
         poles, V = poles.astype(complex), V.astype(complex)
         try:
@@ -365,26 +365,6 @@ class LinearStructure:
         keep = np.abs(poles) > 1e-9 * np.abs(poles).max(initial=0.0)
         condition = float(np.linalg.norm(V, 1) * np.linalg.norm(U, 1)) if np.all(np.isfinite(U)) else np.inf
         return Modes(poles[keep], right[:, keep], left_vectors[keep], output[:, keep], input_[keep], condition)
-
-    def _without_drift(self, frequency_scale: float) -> Array | None:
-        """Return a basis of the states without free motions and their momentum.
-
-        The states are (q, q'/frequency_scale), scaled by the masses. The basis is None if there are no free motions, or
-        if dampers act on them.
-
-        Gyroscopic forces may act on a free motion r, K r = 0, without doing work, l^T C r = 0 with l^T K = 0. Then
-        l^T (M q' + C q) is constant, and r is a drift that no element measures: the pole zero is double.
-        """
-        if not self.free.shape[1] or self.free.shape != self.free_left.shape:
-            return None
-        s, r, left = self._scale, self.free / self._scale[:, None], self.free_left
-        work = left.T @ self.C @ self.free
-        largest = np.abs(s[:, None] * self.C * s).max() * np.linalg.norm(r) * np.linalg.norm(left / s[:, None])
-        if np.abs(work).max() > _DRIFT_WORK * largest:
-            return None
-        momentum = np.hstack([left.T @ self.C * s, frequency_scale * (left.T @ self.M * s)])
-        momentum /= np.linalg.norm(momentum, axis=1, keepdims=True)
-        return _null_space(np.vstack([momentum, np.hstack([r.T, 0 * r.T])]))
 
     def _undamped(self, free: Array, C: Array) -> Array:
         """Return the free motions that no damper acts on."""
@@ -464,6 +444,27 @@ def flexibility(K: Array, scale: Array) -> Array:
     """Return the pseudoinverse of K; rounding of coordinates is compared in units of ``scale`` (n,)."""
     inverse: Array = scipy.linalg.pinv(K * np.outer(scale, scale), rtol=_FREE_MOTION_TOLERANCE)
     return scale[:, None] * inverse * scale
+
+
+def _without_drift(structure: LinearStructure, frequency_scale: float) -> Array | None:
+    """Return a basis of the states (q, q'/frequency_scale), scaled by the masses, without free motions and their momentum.
+
+    It is None if there are no free motions, or if dampers act on them.
+
+    Gyroscopic forces may act on a free motion r, K r = 0, without doing work, l^T C r = 0 with l^T K = 0. Then
+    l^T (M q' + C q) is constant, and r is a drift that no element measures: the pole zero is double.
+    """
+    s, C, free, left = structure._scale, structure.C, structure.free, structure.free_left
+    if not free.shape[1] or free.shape != left.shape:
+        return None
+    r = free / s[:, None]
+    work = left.T @ C @ free
+    largest = np.abs(s[:, None] * C * s).max() * np.linalg.norm(r) * np.linalg.norm(left / s[:, None])
+    if np.abs(work).max() > _DRIFT_WORK * largest:
+        return None
+    momentum = np.hstack([left.T @ C * s, frequency_scale * (left.T @ structure.M * s)])
+    momentum /= np.linalg.norm(momentum, axis=1, keepdims=True)
+    return _null_space(np.vstack([momentum, np.hstack([r.T, 0 * r.T])]))
 
 
 def _describe_unsupported(structure: LinearStructure) -> str:
