@@ -308,3 +308,22 @@ def test_predicted_peaks_of_gear_pairs_lie_on_their_response_curves(e, eps):
 def highest_peak(model, span):
     curve = hb.trace(hb.HarmonicBalance(model), "Omega", span, stability=False)
     return max(hb.analysis.peaks(curve, "rms"), key=lambda point: point.amplitude("rms"))
+
+
+def test_a_branch_leaves_the_backbone_of_equal_masses():
+    """Equal masses leave the motion in phase; the branch is a motion of one period by integration."""
+    springs = [hb.Element([1, 0], hb.Cubic(1.0)), hb.Element([0, 1], hb.Cubic(1.0))]
+    K = np.array([[3.0, -2.0], [-2.0, 3.0]])
+    curve = hb.analysis.backbone(hb.System(np.eye(2), None, K, springs), span=(0.7, 0.8), harmonics=12)
+    for side in (1, -1):
+        branch = hb.switch(curve, "BP1", side=side, steps=hb.StepControl(max_points=8))
+        point = branch[-1]
+        rows, Omega = branch.problem.motion(point.X, **point.parameters), point.parameters["Omega"]
+        k = np.arange(1, 13)
+        start = np.concatenate([rows[:, 0] + rows[:, 1::2].sum(axis=1), Omega * (rows[:, 2::2] @ k)])
+        assert abs(start[0] - start[1]) + abs(start[2] - start[3]) > 0.05
+        end = scipy.integrate.solve_ivp(
+            lambda t, y: np.concatenate([y[2:], -K @ y[:2] - y[:2] ** 3]), (0, 2 * np.pi / Omega), start,
+            "DOP853", rtol=1e-12, atol=1e-12,
+        ).y[:, -1]  # fmt: skip
+        assert np.abs(end - start).max() < 1e-8

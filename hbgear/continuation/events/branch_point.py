@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -58,9 +58,12 @@ class BranchPointEvent(Event):
         self, branch: Branch, point: SpecialPoint, side: int
     ) -> tuple[ContinuationProblem, BranchStart] | None:
         """Return the start across the traced curve, within the null space of [dR/dX, dR/dp]."""
-        traced = as_traced(branch, point)
-        direction = side * _transverse_direction(branch, traced)
-        return as_problem(branch.problem), BranchStart(traced.X, dict(traced.parameters), direction, event=self)
+        traced, problem = as_traced(branch, point), as_problem(branch.problem)
+        parameters = dict(traced.parameters)
+        U = problem.join(traced.X, parameters)
+        problem = problem.with_borders_at(U, parameters, renew=True)
+        direction = side * _transverse_direction(problem, branch, point.index, U, parameters)
+        return problem, BranchStart(U, parameters, direction, event=self)
 
 
 def as_traced(branch: Branch, point: SpecialPoint) -> SpecialPoint:
@@ -83,16 +86,19 @@ def as_traced(branch: Branch, point: SpecialPoint) -> SpecialPoint:
     return replace(point, X=branch.X[point.index], parameters=branch.parameters_at(point.index), layout=branch.layout)
 
 
-def _transverse_direction(branch: Branch, point: SpecialPoint) -> Array:
-    """Return the direction in the null space of [dR/dX, dR/dp] orthogonal to the traced curve, in scaled unknowns."""
-    problem = as_problem(branch.problem)
-    evaluation = linearise(problem, point.X, branch.parameter, point.parameters)
-    size = float(problem.solution_norms(branch.X).max()) or 1.0  # the point itself may be zero up to rounding
-    scale = np.append(np.full(len(point.X), size), np.ptp(branch.values) or 1.0)
+def _transverse_direction(
+    problem: ContinuationProblem, branch: Branch, i: int, U: Array, parameters: Mapping[str, float]
+) -> Array:
+    """Return the direction in the null space of [dR/dU, dR/dp] orthogonal to the curve at its point i, unknowns U."""
+    evaluation = linearise(problem, U, branch.parameter, parameters)
+    curve = np.array([problem.join(X, branch.parameters_at(k)) for k, X in enumerate(branch.X)])
+    size = float(problem.solution_norms(curve).max()) or 1.0  # the point itself may be zero up to rounding
+    scale = np.append(np.full(len(U), size), np.ptp(branch.values) or 1.0)
+    for k, name in enumerate(problem.unknown_parameters, 1):
+        scale[-1 - k] = max(float(np.abs(curve[:, -k]).max()), problem.smallest_scale(name)) or 1.0
     null = scipy.linalg.svd(np.column_stack([as_dense(evaluation.dR_dX), evaluation.dR_dp]) * scale)[2][-2:]
-    i = point.index
     before, after = max(i - 1, 0), min(i + 1, len(branch) - 1)
-    along = np.append(branch.X[after] - branch.X[before], branch.values[after] - branch.values[before]) / scale
+    along = np.append(curve[after] - curve[before], branch.values[after] - branch.values[before]) / scale
     projection = null @ along
     projection = projection / np.linalg.norm(projection)
     out: Array = scale * (np.array([-projection[1], projection[0]]) @ null)
