@@ -327,3 +327,18 @@ def test_a_branch_leaves_the_backbone_of_equal_masses():
             "DOP853", rtol=1e-12, atol=1e-12,
         ).y[:, -1]  # fmt: skip
         assert np.abs(end - start).max() < 1e-8
+
+
+def test_a_closed_branch_of_free_motions_ends_where_it_began():
+    """Once around the branch the motion, which is not symmetric in time, has another phase."""
+    M = [[2.0, 0.3, 0.0], [0.3, 1.5, 0.1], [0.0, 0.1, 1.0]]
+    K = [[3.0, -1.0, 0.0], [-1.0, 2.5, -1.2], [0.0, -1.2, 2.0]]
+    laws = hb.Cubic(0.7), hb.Cubic(0.4), hb.Unilateral(k=2.0, gap=0.5)
+    elements = [hb.Element(w, law) for w, law in zip([[1, -1, 0], [0, 1, -1], [0, 0, 1]], laws, strict=True)]
+    system = hb.System(M, None, K, elements, hb.Load(constant=[0.1, 0.0, 0.2]))
+    options = {"special": False, "events": ["BP"], "stability": False, "accuracy": None}
+    curve = hb.analysis.backbone(system, span=(0.01, 1.85), harmonics=10, **options)
+    branch = hb.switch(curve, "BP1", steps=hb.StepControl(max_points=200), **options)
+    assert branch.status is hb.Status.CLOSED
+    assert abs(branch.values.max() - curve["BP2"].parameters["amplitude"]) < 1e-4
+    assert np.linalg.norm(branch.X[-1] - branch.X[0]) > 0.1 * np.linalg.norm(branch.X[0])

@@ -142,6 +142,11 @@ class SpecialPointProblem(ContinuationProblem):
             )
         return np.append(X, parameters[self.parameter])
 
+    def in_phase(self, X: Array, tangent: Array, reference: Array) -> tuple[Array, Array]:
+        """Return unknowns (X, p) and their tangent in phase with a reference, see `ContinuationProblem.in_phase`."""
+        inner, along = self.problem.in_phase(X[:-1], tangent[:-1], reference[:-1])
+        return np.append(inner, X[-1]), np.append(along, tangent[-1])
+
     def from_point(self, point: Point) -> Array:
         """Return X of a point of a related problem."""
         return self.problem.from_point(point)

@@ -339,6 +339,13 @@ class ContinuationProblem:
         """
         return self
 
+    def in_phase(self, X: Array, tangent: Array, reference: Array) -> tuple[Array, Array]:
+        """Return X and its tangent shifted in time to be nearest to a reference, if the phase is arbitrary.
+
+        By default the phase is determined, and both are returned as they are.
+        """
+        return X, tangent
+
     # ---- finished branches
 
     def postprocess(self, branch: Branch, observed: Sequence[Mapping[str, Any]]) -> Branch:

@@ -199,8 +199,14 @@ class CurveEnds:
         length = norm((point.u - last.u) / state.scale)
         if abs(state.first.value - point.value) > MAX_DISTANCE_RATIO * length * state.scale[-1]:
             return False
-        first = state.resized(state.first)
+        first = self.first_in_phase()
         return cosine(point, first, state.scale) > 0 and state.segment(last, point).passes(first)
+
+    def first_in_phase(self) -> CurvePoint:
+        """Return the first point at the present resolution, in phase with the last point."""
+        first, last = self.state.resized(self.state.first), self.state.last
+        X, tangent = self.state.problem.in_phase(first.X, first.tangent[:-1], last.X)
+        return replace(first, u=np.append(X, first.value), tangent=np.append(tangent, first.tangent[-1]))
 
     def points_before_retrace(self, path: Points) -> int:
         """Return the number of new points of a path before the curve retraces itself.

@@ -251,7 +251,7 @@ class ContinuationLoop:
 
     def _closing_point(self, last: CurvePoint) -> CurvePoint:
         """Return the first point as the last one; a special point gets the direction in which the curve returns."""
-        point = self.state.resized(self.state.first)
+        point = self.ends.first_in_phase()
         if self.state.setup.switched_from is None:
             return point
         return replace(point, parameter_direction=last.parameter_direction, orientation=last.orientation)

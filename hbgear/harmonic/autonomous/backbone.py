@@ -35,7 +35,7 @@ from hbgear.continuation.results.point import Point
 from hbgear.continuation.solvers.newton import NoConvergence, solve
 from hbgear.continuation.tracing.trace import trace
 from hbgear.harmonic.autonomous.modes import STATIC_FREQUENCY, LinearMode, linear_mode
-from hbgear.harmonic.autonomous.phase import phase_vector
+from hbgear.harmonic.autonomous.phase import in_phase, phase_vector
 from hbgear.harmonic.autonomous.unforced import unforced_balance
 from hbgear.harmonic.bifurcations.grazing import GrazingEvent
 from hbgear.harmonic.bifurcations.slip import SlipEvent
@@ -185,6 +185,11 @@ class BackboneProblem(ContinuationProblem):
     def with_borders_at(self, X: Array, parameters: Mapping[str, float], renew: bool = False) -> Self:
         """Return the problem with the phase condition relative to a motion, if ``renew``; else itself."""
         return self._with(_phase=phase_vector(X[:-2], self.balance.m)) if renew else self
+
+    def in_phase(self, X: Array, tangent: Array, reference: Array) -> tuple[Array, Array]:
+        """Return unknowns and their tangent shifted in time to be nearest to a reference."""
+        d, along = in_phase(X[:-2], tangent[:-2], reference[:-2], self.balance.m)
+        return np.append(d, X[-2:]), np.append(along, tangent[-2:])
 
     def _with(self, **changes: Any) -> Self:
         out = copy.copy(self)

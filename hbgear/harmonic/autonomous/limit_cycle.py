@@ -33,7 +33,7 @@ from hbgear.continuation.solvers.newton import solve
 from hbgear.continuation.tracing.trace import trace
 from hbgear.harmonic.autonomous.cycle_events import CycleDoublingEvent, CycleTorusEvent
 from hbgear.harmonic.autonomous.equilibrium import HopfPoint
-from hbgear.harmonic.autonomous.phase import phase_vector, without_trivial
+from hbgear.harmonic.autonomous.phase import in_phase, phase_vector, without_trivial
 from hbgear.harmonic.autonomous.recurrence import SampledMotion, repeated_motion
 from hbgear.harmonic.autonomous.unforced import Unforced, unforced_balance
 from hbgear.mechanics.models import Model, describe
@@ -81,6 +81,11 @@ class LimitCycleProblem(MinimallyAugmentedProblem):
         b = base.weight * np.asarray(base.b)
         derivatives = tuple((self.problem.parameter_derivative(X, name, parameters), 0.0) for name in names)
         return AugmentedResidual(evaluation, float(b @ X), b, 0.0, derivatives)
+
+    def in_phase(self, X: Array, tangent: Array, reference: Array) -> tuple[Array, Array]:
+        """Return unknowns (X, Omega) and their tangent shifted in time to be nearest to a reference."""
+        d, along = in_phase(X[:-1], tangent[:-1], reference[:-1], self.problem.m)
+        return np.append(d, X[-1]), np.append(along, tangent[-1])
 
     def events(self, parameter: str) -> tuple[Any, ...]:
         """Return period doublings and Neimark-Sacker points."""

@@ -16,6 +16,7 @@ import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.continuation.numerics.linear import norm
+from hbgear.mechanics.series.fourier import to_complex, to_real
 from hbgear.mechanics.series.real_basis import derivative
 
 
@@ -31,6 +32,31 @@ def phase_vector(X: Array, m: int) -> Array:
     if not np.any(b):
         raise ValueError("a motion without alternating part has no phase; give a periodic motion as the reference")
     return b / norm(b)
+
+
+def in_phase(motion: Array, tangent: Array, reference: Array, m: int) -> tuple[Array, Array]:
+    """Return a motion X (n,) of m elements and its tangent, shifted in time: the one nearest to a reference.
+
+    Along a closed curve a motion that is not symmetric in time returns with another phase.
+    """
+    c, t, r = (to_complex(x.reshape(m, -1)) for x in (motion, tangent, reference))
+    k = np.arange(c.shape[1])
+    product = np.sum(r.conj() * c, axis=0)  # max_phi Re sum_k product_k exp(i k phi)
+    phases = 2 * np.pi * np.arange(_PHASES_PER_HARMONIC * len(k)) / (_PHASES_PER_HARMONIC * len(k))
+    phi = float(phases[np.argmax((np.exp(1j * np.outer(phases, k)) @ product).real)])
+    for _ in range(_PHASE_ITERATIONS):
+        terms = k * np.exp(1j * k * phi) * product
+        bend = float((k * terms).real.sum())
+        phi -= float(terms.imag.sum()) / bend if bend > 0 else 0.0
+    turn = np.exp(1j * k * phi)
+    return to_real(c * turn).ravel(), to_real(t * turn).ravel()
+
+
+_PHASES_PER_HARMONIC = 16
+"""Number of phases for each harmonic at which two motions are compared, before Newton's method."""
+
+_PHASE_ITERATIONS = 6
+"""Iterations of Newton's method for the phase, which starts close to it."""
 
 
 def without_trivial(multipliers: ComplexArray, count: int = 1) -> ComplexArray:
