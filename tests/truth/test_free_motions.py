@@ -342,3 +342,18 @@ def test_a_closed_branch_of_free_motions_ends_where_it_began():
     assert branch.status is hb.Status.CLOSED
     assert abs(branch.values.max() - curve["BP2"].parameters["amplitude"]) < 1e-4
     assert np.linalg.norm(branch.X[-1] - branch.X[0]) > 0.1 * np.linalg.norm(branch.X[0])
+
+
+def test_events_of_the_user_on_free_motions_are_followed():
+    """A largest displacement of 1.05: the frequency of the elliptic integral over the stiffness, and of the cycle."""
+    largest = hb.Event("largest", lambda point: point.amplitude("max") - 1.05)
+    fast = hb.Event("fast", lambda point: point.parameters["Omega"] - 1.05)
+    model = hb.Duffing(zeta=0.0, k3=0.5)
+    curve = hb.analysis.backbone(model, span=(0.01, 1.0), harmonics=16, events=[largest, fast])
+    held = hb.follow(curve, "largest1", "k3", (0.5, 0.6))
+    assert np.abs(held.amplitude("max") - 1.05).max() < 1e-9
+    angle = np.linspace(0.0, math.pi, 33)[:-1]
+    for k3, Omega in zip(held.values, held.tracked["Omega"], strict=True):
+        rate = np.mean(1 / np.sqrt(1 + 0.5 * k3 * 1.05**2 * (1 + np.sin(angle) ** 2)))
+        assert abs(Omega * rate - 1) < 1e-9
+    assert np.abs(hb.follow(curve, "fast1", "k3", (0.5, 0.6)).tracked["Omega"] - 1.05).max() < 1e-10

@@ -78,8 +78,9 @@ class ScalarConditionProblem(MinimallyAugmentedProblem):
         ValueError
             If it is not finite.
         """
+        motion, unknown = self.problem.split(X)
         point = Point(
-            X, parameters, 0.0, 0, None, np.zeros(0, dtype=np.int8), float("nan"), self.problem.layout,
+            motion, {**parameters, **unknown}, 0.0, 0, None, np.zeros(0, dtype=np.int8), float("nan"), self.problem.layout,
             problem=self.problem.original,
         )  # fmt: skip
         value = float(self.test(point))

@@ -335,7 +335,7 @@ class Event:
         """
         level = ScalarConditionProblem(problem, parameter, self.test)
         try:
-            level.value(point.X, point.parameters)
+            level.value(level.problem.join(point.X, point.parameters), point.parameters)
         except Exception as error:
             raise ValueError(
                 f"the event '{self.kind}' cannot be followed: its test may use only the unknowns, parameters "

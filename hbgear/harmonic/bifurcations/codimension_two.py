@@ -475,8 +475,7 @@ class RealPairEvent(CodimensionTwoEvent):
         u = segment.a.u + s * (segment.b.u - segment.a.u)
 
         def test(point: Point) -> float:
-            X, tracked = codimension_one.split(point.X)
-            return self._on.function(codimension_one, X, {**point.parameters, **tracked})
+            return self._on.function(codimension_one, point.X, dict(point.parameters))
 
         equations = ScalarConditionProblem(codimension_one, name, test)
         try:
