@@ -357,3 +357,19 @@ def test_events_of_the_user_on_free_motions_are_followed():
         rate = np.mean(1 / np.sqrt(1 + 0.5 * k3 * 1.05**2 * (1 + np.sin(angle) ** 2)))
         assert abs(Omega * rate - 1) < 1e-9
     assert np.abs(hb.follow(curve, "fast1", "k3", (0.5, 0.6)).tracked["Omega"] - 1.05).max() < 1e-10
+
+
+def test_branch_points_of_a_backbone_are_followed():
+    """With a cubic stiffness k3 all displacements are proportional to 1 / sqrt(k3), and frequencies are the same."""
+
+    @hb.mechanics.model
+    def equal(k3: float = 1.0) -> hb.System:
+        springs = [hb.Element([1, 0], hb.Cubic(k3)), hb.Element([0, 1], hb.Cubic(k3))]
+        return hb.System(np.eye(2), None, [[3.0, -2.0], [-2.0, 3.0]], springs)
+
+    curve = hb.analysis.backbone(equal(), span=(0.5, 1.0), harmonics=9)
+    for label in ("BP1", "BP2"):
+        found = hb.follow(curve, label, "k3", (1.0, 1.5))
+        scaled = found.tracked["amplitude"] * np.sqrt(found.values)
+        assert np.abs(scaled / curve[label].parameters["amplitude"] - 1).max() < 1e-9
+        assert np.abs(found.tracked["Omega"] / curve[label].parameters["Omega"] - 1).max() < 1e-9

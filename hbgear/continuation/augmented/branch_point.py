@@ -101,7 +101,9 @@ class BranchPointProblem(MinimallyAugmentedProblem):
         """
         name = branch.parameter
         for i in range(len(branch)):
-            evaluation = linearise(self.problem, branch.X[i], "", branch.parameters_at(i))
+            parameters = branch.parameters_at(i)
+            X = self.problem.join(branch.X[i], parameters)
+            evaluation = linearise(self.problem.with_borders_at(X, parameters, renew=True), X, "", parameters)
             if norm(evaluation.R) > MAX_IMPERFECTION * evaluation.size:
                 last = branch.values[max(i - 1, 0)]
                 raise ValueError(
