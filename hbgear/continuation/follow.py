@@ -74,7 +74,7 @@ def follow(
         Name of the second parameter.
     span : (float, float)
         First and last value of the second parameter. If the value of the point lies between them, the curve is traced
-        to both ends.
+        to both ends; if it is the last value, to the first one.
     event : Event, optional
         Event that located the point. It is required for an event of the user that is not
         registered if the branch was loaded from a file.
@@ -110,8 +110,8 @@ def follow(
     special = branch[point] if isinstance(point, str) else point
     assert isinstance(special, SpecialPoint)
     problem = as_problem(branch.problem)
-    if isinstance(problem, SpecialPointProblem):
-        raise ValueError("the branch is a curve of special points or limit cycles; follow a point of another curve")
+    if isinstance(problem, SpecialPointProblem) and not problem.are_solutions:
+        raise ValueError("the branch is a curve of special points; follow a point of the curve on which they lie")
     special_event = event or event_of(branch, special) or event_of_kind(special.kind)
     if special_event is None:
         raise ValueError(
@@ -148,7 +148,7 @@ def follow(
 def trace_to_both_ends(
     equations: Any, parameter: str, span: tuple[float, float], point: Point, **options: Any
 ) -> Branch:
-    """Trace from a point to the last value of a span, and to the first one if the point lies between them.
+    """Trace from a point to the last value of a span, and to the first one unless the point lies there.
 
     Parameters
     ----------
@@ -166,11 +166,13 @@ def trace_to_both_ends(
     Returns
     -------
     Branch
-        Both parts in one, from the first to the last value.
+        Both parts in one, from the first to the last value; from the last to the first one if the point lies there.
     """
-    forward = trace(equations, parameter, span, point, **options)
     low, high = sorted(map(float, span))
     value = {**point.parameters, **options.get("at", {})}.get(parameter, low)
+    if value == span[1]:
+        span = span[::-1]
+    forward = trace(equations, parameter, span, point, **options)
     if not low < value < high or forward.status in (Status.CLOSED, Status.INTERRUPTED):
         return forward
     backward = trace(equations, parameter, (span[1], span[0]), point, **options)

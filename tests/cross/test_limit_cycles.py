@@ -188,7 +188,7 @@ def test_two_equal_pairs_that_pass_together_are_one_point(settled):
     both = hb.mechanics.model(_equal)
     cycles = hb.analysis.limit_cycles(both(), settled, (0.5, -0.2), parameter="damping", harmonics=9)
     assert [(point.kind, abs(point.parameters["damping"]) < 1e-12) for point in cycles.special] == [("NS", True)]
-    assert cycles.warnings == ()  # an error of 1e-15 is none, although the value is as small
+    assert cycles.warnings == ()  # the value is zero up to rounding, and so is its error
 
 
 def _equal(damping: float = 0.5) -> hb.System:

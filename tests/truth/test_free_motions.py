@@ -373,3 +373,33 @@ def test_branch_points_of_a_backbone_are_followed():
         scaled = found.tracked["amplitude"] * np.sqrt(found.values)
         assert np.abs(scaled / curve[label].parameters["amplitude"] - 1).max() < 1e-9
         assert np.abs(found.tracked["Omega"] / curve[label].parameters["Omega"] - 1).max() < 1e-9
+
+
+@dataclass(frozen=True)
+class Hysteretic(hb.mechanics.Law):
+    """The cycles x = A cos t of m x'' + 0.01 x' + x + law = 0 have level + slope r - r^3 = 0, r = A^2 - 1."""
+
+    slope: float
+    level: float
+
+    def force(self, d, v, tau):
+        r = d**2 + v**2 - 1
+        c, rate = -(self.level + self.slope * r - r**3) - 0.01, 3 * r**2 - self.slope
+        return c * v, rate * 2 * d * v, c + rate * 2 * v * v
+
+
+@hb.mechanics.model
+def hysteretic(slope: float = 0.1, level: float = 0.5) -> hb.System:
+    return hb.System([[1.0]], [[0.01]], [[1.0]], [hb.Element([1.0], Hysteretic(slope, level))])
+
+
+@pytest.mark.slow
+def test_folds_of_limit_cycles_are_followed_to_their_cusp():
+    motion = hb.time.integrate(hysteretic(), [1.4, 0.0], 60, 1.0, tolerance=1e-9, samples=256)
+    cycles = hb.analysis.limit_cycles(hysteretic(), motion, (-0.5, 0.5), parameter="level", harmonics=3,
+                                      accuracy=None, stability=False)  # fmt: skip
+    assert abs(abs(cycles["LP1"].parameters["level"]) - 2 * (0.1 / 3) ** 1.5) < 1e-12
+    folds = hb.follow(cycles, "LP1", "slope", (0.1, -0.1), accuracy=None)
+    assert np.abs(np.abs(folds.tracked["level"]) - 2 * (folds.values.clip(0.0) / 3) ** 1.5).max() < 1e-12
+    cusp = folds["CP1"].parameters
+    assert abs(cusp["slope"]) < 1e-12 and abs(cusp["level"]) < 1e-12

@@ -111,7 +111,7 @@ def test_invalid_second_parameters_are_refused(curve, tmp_path):
         with pytest.raises(ValueError, match=f"{kind.kind}1 .* cannot be followed in a second parameter"):
             hb.follow(curve, point, "zeta", (0.05, 0.06))
     folds = hb.follow(curve, "LP1", "zeta", (0.05, 0.051))
-    with pytest.raises(ValueError, match="the branch is a curve of special points or limit cycles"):
+    with pytest.raises(ValueError, match="the branch is a curve of special points;"):
         hb.follow(folds, curve["LP1"], "F_m", (0.1, 0.11))
     with pytest.raises(TypeError, match="needs the label of a special point"):
         hb.follow(curve, 3, "zeta", (0.05, 0.06))

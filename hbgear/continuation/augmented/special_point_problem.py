@@ -35,6 +35,8 @@ class SpecialPointProblem(ContinuationProblem):
 
     smooth = False
     batch_size = 1  # special points on curves of special points are expensive: Ctrl-C waits for one point at most
+    are_solutions = False
+    """Whether all points of a curve count as solutions, whose special points are followed, such as limit cycles."""
     problem: ContinuationProblem
     parameter: str
 

@@ -60,6 +60,7 @@ class LimitCycleProblem(MinimallyAugmentedProblem):
     """
 
     smooth = True
+    are_solutions = True
     problem: Any
 
     @checked_arguments()
