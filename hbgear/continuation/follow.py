@@ -21,7 +21,8 @@ from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.concatenation import concatenate, most_resolved, padded_to_common_size
 from hbgear.continuation.results.point import Point, SpecialPoint
 from hbgear.continuation.results.status import Status
-from hbgear.continuation.solvers.newton import NoConvergence
+from hbgear.continuation.solvers.newton import NewtonSettings, NoConvergence
+from hbgear.continuation.tracing.jumps import find_jumps
 from hbgear.continuation.tracing.trace import trace
 
 
@@ -176,4 +177,7 @@ def trace_to_both_ends(
     if not low < value < high or forward.status in (Status.CLOSED, Status.INTERRUPTED):
         return forward
     backward = trace(equations, parameter, (span[1], span[0]), point, **options)
-    return replace(concatenate(*padded_to_common_size(backward, forward)), problem=most_resolved(backward, forward))
+    curve = replace(concatenate(*padded_to_common_size(backward, forward)), problem=most_resolved(backward, forward))
+    if not options.get("special", True):
+        return curve
+    return replace(curve, jump_records=find_jumps(curve, options.get("settings", NewtonSettings())))

@@ -394,6 +394,20 @@ def hysteretic(slope: float = 0.1, level: float = 0.5) -> hb.System:
 
 
 @pytest.mark.slow
+def test_jumps_of_limit_cycles_that_start_within_the_span():
+    motion = hb.time.integrate(hysteretic(level=0.03), [1.2, 0.0], 60, 1.0, tolerance=1e-9, samples=256)
+    cycles = hb.analysis.limit_cycles(
+        hysteretic(level=0.03), motion, (-0.05, 0.05), parameter="level", harmonics=3, accuracy=None
+    )
+    fold = 2 * (0.1 / 3) ** 1.5
+    assert sorted((jump.direction, round(jump.value, 9)) for jump in cycles.jumps()) == [
+        (-1, round(-fold, 9)), (1, round(fold, 9)),
+    ]  # fmt: skip
+    landing = [jump.after.amplitude("max") ** 2 - 1 for jump in cycles.jumps()]
+    assert np.abs(np.abs(landing) - 2 * math.sqrt(0.1 / 3)).max() < 1e-6  # the other root of fold + slope r = r^3
+
+
+@pytest.mark.slow
 def test_folds_of_limit_cycles_are_followed_to_their_cusp():
     motion = hb.time.integrate(hysteretic(), [1.4, 0.0], 60, 1.0, tolerance=1e-9, samples=256)
     cycles = hb.analysis.limit_cycles(hysteretic(), motion, (-0.5, 0.5), parameter="level", harmonics=3,
