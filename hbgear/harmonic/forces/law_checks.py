@@ -136,7 +136,7 @@ def check_vector_law(law: VectorLaw, length: float) -> None:
 
 
 def _vector_differences(law: VectorLaw, state: Array, tau: Array, axis: int, h: float) -> Array:
-    """Return central differences (p, p, N) of a vector law in d (which = 0) or v (which = 1)."""
+    """Return central differences (p, p, N) of a vector law in d (axis = 0) or v (axis = 1)."""
     columns = []
     for j in range(law.size):
         above, below = state.copy(), state.copy()
@@ -253,7 +253,7 @@ def check_law(law: Law, length: float, rate: float) -> None:
 
 
 def _check_slope(law: Law, state: Sequence[Array], axis: int, stated: Array, step: float) -> None:
-    """Compare dp/dd (which = 0) or dp/dv (which = 1) with differences of p at states (d, v, tau)."""
+    """Compare dp/dd (axis = 0) or dp/dv (axis = 1) with differences of p at states (d, v, tau)."""
     coarse, fine = (_difference(law, state, axis, h) for h in (step, 0.5 * step))
     p = np.abs(evaluate_force(law, *state)[0])
     rounding = 1e3 * np.finfo(float).eps * (p + np.abs(np.asarray(state[axis]) * stated)) / step
@@ -272,7 +272,7 @@ def _check_slope(law: Law, state: Sequence[Array], axis: int, stated: Array, ste
 
 
 def _difference(law: Law, state: Sequence[Array], axis: int, h: float) -> Array:
-    """Return the central difference of p in d (which = 0) or v (which = 1) with step h."""
+    """Return the central difference of p in d (axis = 0) or v (axis = 1) with step h."""
     shift = [h if i == axis else 0.0 for i in range(2)]
     d, v, tau = state
     above, below = (evaluate_force(law, d + side * shift[0], v + side * shift[1], tau)[0] for side in (1, -1))
