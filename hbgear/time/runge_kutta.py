@@ -60,6 +60,8 @@ class Flow:
     ----------
     states : callable
         Returns the state of (q, q') and the positions of sliders; the same without massless coordinates.
+    displacements, load : ndarray of shape (m,), float
+        Largest prescribed displacement of each element, and largest rate by a load.
     size : int
         Number of states: `order` of the structure, 2n without massless coordinates, and the positions of the sliders.
 
@@ -90,6 +92,7 @@ class Flow:
         self._curved = np.array([j for j in curved if j not in jumps], dtype=int)
         self.rigid = StickFlow(system.elements, self.W, self.B[self.n : 2 * self.n])
         self.excitation = Excitation(system, Omega, self.structure.rates)
+        self.displacements, self.load = self.excitation.sizes()
 
     def gaps(self, t: float, y: Array, interval: Interval | None = None) -> tuple[Array, Array]:
         """Return d and v (m,) of a state, its first column; at a breakpoint of the excitation their limits after it."""
@@ -315,7 +318,7 @@ class Flow:
                     visit(t0, stop, solver.dense_output())
                 Y = _repeat_step(f, t0, before, stop, method, tolerance, atol, options)
                 t = stop
-                limit = stop + 1e-12 * (1 + abs(stop))
+                limit = stop + 1e-12 * (1 / self.Omega + abs(stop))
                 segment += np.where(exits <= limit, side, 0)
                 if (np.minimum(change, zone_exits) <= limit).any():
                     Y, slip = self.sliders.after(self, t, Y, slip, change <= limit, zone_exits <= limit)
@@ -335,33 +338,44 @@ class Flow:
         max_change = 2 * (solver.t - solver.t_old) * np.maximum(np.abs(v0), np.abs(v1))
         if np.all((np.maximum(d0, d1) + max_change < high) & (np.minimum(d0, d1) - max_change > low)):
             return np.full(self.m, np.inf), np.zeros(self.m, dtype=int)
-        dense = solver.dense_output()
+        dense, size = solver.dense_output(), self.lengths(solver)
         t = np.linspace(solver.t_old, solver.t, SAMPLES_PER_STEP + 1)
-        d, v = self.gaps_over(t, dense(t))
+        d, v = (x / size[:, None] for x in self.gaps_over(t, dense(t)))
 
         def value(rows: Integers, instants: Array) -> Array:
-            return np.array([self.gaps(x, dense(x), interval)[0][j] for j, x in zip(rows, instants, strict=True)])
+            d = (self.gaps(x, dense(x), interval)[0][j] / size[j] for j, x in zip(rows, instants, strict=True))
+            return np.array(list(d))
 
-        return first_exit(t, d, v, low, high, value)
+        return first_exit(t, d, v, low / size, high / size, value)
+
+    def lengths(self, solver: Any) -> Array:
+        """Return the sizes (m,) of the terms whose sums are the displacements in the last step, for their rounding."""
+        y = np.maximum(*(np.abs(x.reshape(self.size, -1)[: self.order, 0]) for x in (solver.y_old, solver.y)))
+        size: Array = np.abs(self.D) @ y + self.displacements
+        return np.where(size > 0, size, 1.0)
 
 
 def _sizes(flow: Flow, Y: Array) -> Array:
-    """Return the scale of errors of each component: the largest of q, the breakpoints and the displacements e."""
+    """Return the scale of errors of each component: the largest of q and the displacements e.
+
+    At rest it is the displacement by the loads within 1 / rate, the shortest time scale of the structure and the loads.
+    """
     y, n = Y.reshape(flow.size, -1)[: flow.order, 0], flow.n
-    breakpoints = [abs(x) for law in flow.laws for x in law.breakpoints]
-    length = max([float(np.abs(np.delete(y, slice(n, 2 * n))).max()), *breakpoints, flow.excitation.size()]) or 1.0
-    rate = max(float(np.abs(y[n : 2 * n]).max(initial=0.0)), flow.Omega * length)
-    size = np.ones((flow.size, flow.columns))
-    size[:, 0] = length
-    size[n : 2 * n, 0] = rate
-    return size.ravel()
+    velocity = float(np.abs(y[n : 2 * n]).max(initial=0.0))
+    length = max(float(np.abs(np.delete(y, slice(n, 2 * n))).max()), float(flow.displacements.max(initial=0.0)))
+    if not length:
+        rate = flow.Omega + float(np.abs(np.linalg.eigvals(flow.A)).max())
+        length = max(velocity / rate, flow.load / rate**2) or 1.0
+    size = np.full(flow.size, length)
+    size[n : 2 * n] = max(velocity, flow.Omega * length)
+    return np.column_stack([size, *np.outer(size, 1 / size).T[: flow.columns - 1]]).ravel()
 
 
 def _repeat_step(
     f: Any, t: float, Y: Array, end: float, method: str, tolerance: float, atol: Array, options: dict[str, Any]
 ) -> Array:
     """Return the state at a breakpoint by a repeated step, which is more accurate than the dense output."""
-    if end - t <= 1e-14 * (1 + abs(t)):
+    if end - t <= 1e-14 * abs(end):
         return Y
     solver = getattr(scipy.integrate, method)(f, t, Y, end, rtol=tolerance, atol=atol, first_step=end - t, **options)
     while solver.status == "running":

@@ -128,3 +128,16 @@ def test_reference_stiffness_changes_nothing(name, factor, known, same_harmonics
     stated = errors_of(curve) + errors_of(known[name][2])
     assert np.isfinite(stated).all()
     assert np.all(np.abs(values - known[name][1]) <= stated + 1e-7 * np.abs(values))
+
+
+# ---- time integration
+
+
+def test_a_stop_out_of_reach_does_not_change_the_accuracy():
+    far = hb.Element([1.0], hb.Unilateral(k=1.0, gap=1e6))
+    cubic, load = hb.Element([1.0], hb.Cubic(k3=1.0)), hb.Load(cosine={1: [0.3]})
+    with_stop, without = (
+        hb.time.integrate(hb.System([[1.0]], [[0.1]], [[1.0]], elements, load), [0.1, 0.0], 3, 1.1)
+        for elements in ([cubic, far], [cubic])
+    )
+    np.testing.assert_allclose(with_stop.end, without.end, rtol=0, atol=1e-10)

@@ -28,7 +28,7 @@ BREAKPOINT_TOLERANCE = 1e-13
 """Distance from a breakpoint, relative to its size [-], that counts as on it."""
 
 ROOT_TOLERANCE = 1e-15
-"""Absolute tolerance of the instant at which a motion reaches a breakpoint, in units of its abscissa."""
+"""Relative tolerance [-] of the instant at which a motion reaches a breakpoint."""
 
 
 @dataclass(frozen=True)
@@ -143,18 +143,18 @@ def first_exit(
 
 
 def _bracketed_roots(f: Callable[[Array], Array], a: Array, b: Array, fa: Array, fb: Array) -> Array:
-    """Return the roots in the intervals (a, b) by the Illinois method; a where f(a) has the sign of f(b)."""
-    a, b, fa, fb = a.copy(), b.copy(), fa.copy(), fb.copy()
-    outside = fa * fb >= 0
-    fa[outside], fb[outside] = 0.0, 1.0
+    """Return the roots in the intervals (a, b) by the Illinois method.
+
+    Where f(a) has the sign of f(b), a is on the level but for rounding; if f keeps its sign, a is returned to rounding.
+    """
+    a, b, fa, fb = a.copy(), b.copy(), np.where(fa * fb < 0, fa, -fb), fb.copy()
     for _ in range(60):
         c = b - fb * np.divide(b - a, fb - fa, out=np.zeros_like(b), where=fb != fa)
-        c = np.where(outside, a, c)
-        fc = np.where(outside, 0.0, f(c))
+        fc = f(c)
         crosses = fc * fb < 0
         a, fa = np.where(crosses, b, a), np.where(crosses, fb, 0.5 * fa)
         change = np.abs(c - b)
         b, fb = c, fc
-        if np.all((change <= ROOT_TOLERANCE) | (fc == 0)):
+        if np.all((change <= ROOT_TOLERANCE * np.abs(b)) | (fc == 0)):
             break
     return b

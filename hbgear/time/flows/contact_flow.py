@@ -79,12 +79,13 @@ class ContactFlow:
         """Return the instants (Q,) in the last step at which contacts leave their states, inf if they do not."""
         if not len(self):
             return np.full(0, np.inf)
-        dense = solver.dense_output()
+        dense, size = solver.dense_output(), flow.lengths(solver)[self.element][:, None]
         t = np.linspace(solver.t_old, solver.t, SAMPLES_PER_STEP + 1)
 
         def tests(instants: Array) -> Array:
             """Return functions (Q, T) that become positive where a contact leaves its state."""
             depth, _, force = self._state(*flow.gaps_over(instants, dense(instants)))
+            depth, force = depth / size, force / (self.k[:, None] * size)
             exit_value = np.where(self.clipped[:, None], -force, -depth)
             column = state[:, None]
             return np.select([column == FREE, column == PUSHES], [depth, exit_value], np.maximum(-depth, force))

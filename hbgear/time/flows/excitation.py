@@ -132,10 +132,11 @@ class Excitation:
         inside = 1e-14 * (abs(t) + 1 / self.Omega)
         return self.Omega * min(max(t, interval.begin + inside), interval.end - inside)
 
-    def size(self) -> float:
-        """Return the largest displacement of the piecewise polynomials, and the largest harmonic of the series."""
-        bounds = [e.bound for e in self.displacements if e.corners]
-        return max([*bounds, float(np.abs(self.series[: self.m]).max())])
+    def sizes(self) -> tuple[Array, float]:
+        """Return the largest displacements (m,), of polynomials or harmonics, and the largest rate by a load."""
+        bounds = np.array([e.bound if e.corners else 0.0 for e in self.displacements])
+        harmonics = np.abs(self.series).max(axis=1)
+        return np.maximum(bounds, harmonics[: self.m]), float(harmonics[3 * self.m :].max(initial=0.0))
 
 
 def _taylor_coefficients(functions: list[Phased], tau: float) -> Array:
