@@ -380,7 +380,9 @@ def jump_map(
                 folds += [(fold, _arms(problem, fold))]
                 ending.merge(fold, f"the curve of the {fold_text}")
         infinite = [_to_infinity(fold) for fold, _ in folds if fold.unbounded_ends]
-        gap = "; ".join(text for text in (_without_curve(parameter, curves, frequencies), *unconverged, *infinite) if text)
+        gap = "; ".join(
+            text for text in (_without_curve(parameter, curves, frequencies), *unconverged, *infinite) if text
+        )
     except (Exception, KeyboardInterrupt) as error:
         if not folds and not (curves and isinstance(error, KeyboardInterrupt)):
             raise

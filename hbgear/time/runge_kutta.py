@@ -303,7 +303,7 @@ class Flow:
                         f"{self.Omega:.6g} or tolerance = {tolerance:g} is too small"
                     )
                 exits, side = self._exit(solver, before, segment, interval)
-                change, zone_exits = self.sliders.exits(self, solver, slip)
+                change, zone_exits, zone_changes = self.sliders.exits(self, solver, slip)
                 ends = self.contacts.exits(self, solver, contact)
                 sticks = self.rigid.exits(self, rates, solver, rigid)
                 events = np.concatenate([change, zone_exits, ends, sticks])
@@ -321,7 +321,8 @@ class Flow:
                 limit = stop + 1e-12 * (1 / self.Omega + abs(stop))
                 segment += np.where(exits <= limit, side, 0)
                 if (np.minimum(change, zone_exits) <= limit).any():
-                    Y, slip = self.sliders.after(self, t, Y, slip, change <= limit, zone_exits <= limit)
+                    passed_zones = np.where(zone_exits <= limit, zone_changes, 0)
+                    Y, slip = self.sliders.after(self, t, Y, slip, change <= limit, passed_zones)
                 if (ends <= limit).any():
                     Y, contact = self.contacts.after(self, t, Y, contact, ends <= limit)
                 if (sticks <= limit).any():

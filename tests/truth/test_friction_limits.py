@@ -280,3 +280,16 @@ def test_harmonics_of_a_limit_that_are_left_out_give_a_warning():
     law = hb.mechanics.Jenkins(1.0, 0.1, cosine=(0.0, 0.0, 0.02))
     with pytest.warns(UserWarning, match="3 harmonics but H = 2"):
         hb.HarmonicBalance(oscillator(law), 2)
+
+
+def test_friction_that_sticks_from_contact_to_contact_is_a_spring():
+    """With k < friction k_n in the direction of the stop, k (d - gap) never reaches friction k_n (d - gap)."""
+    stop = hb.Element([1.0], hb.Unilateral(k=3.7, gap=-0.25), name="stop")
+    rub = hb.Element([1.0], hb.mechanics.ContactFriction(1.5, 0.6, "stop"), name="rub")
+    spring, load = hb.Element([1.0], hb.Unilateral(k=5.2, gap=-0.25)), hb.Load(constant=[-0.3], cosine={1: [0.9]})
+    both, one = (
+        hb.time.integrate(hb.System([[1.0]], [[0.1]], [[1.0]], elements, load), [-0.3, 0.0], 20, 0.9)
+        for elements in ([stop, rub], [spring])
+    )
+    assert len(both.switches) > 40
+    np.testing.assert_allclose(both.end[:2], one.end, rtol=0, atol=1e-9)

@@ -133,6 +133,35 @@ def test_reference_stiffness_changes_nothing(name, factor, known, same_harmonics
 # ---- time integration
 
 
+def rubbing_mass(L=1.0, T=1.0, M=1.0):
+    """Two masses with a cubic spring, a damped stop, friction on a stop, and a slider; lengths L, times T, masses M."""
+    k, F = M / T**2, M * L / T**2
+    elements = [
+        hb.Element([1, 0], hb.Cubic(k3=0.8 * k / L**2)),
+        hb.Element([0, 1], hb.mechanics.ClippedKelvinVoigt(k=2.0 * k, c=0.3 * M / T, gap=0.2 * L)),
+        hb.Element([-1, 1], hb.Unilateral(k=3.0 * k, gap=0.05 * L), name="stop"),
+        hb.Element([1, 0.5], hb.mechanics.ContactFriction(4.0 * k, 0.4, "stop")),
+        hb.Element([1, 0], hb.mechanics.Jenkins(1.5 * k, 0.04 * F)),
+    ]
+    load = hb.Load(constant=[0.0, 0.1 * F], cosine={1: [0.5 * F, 0.2 * F]}, sine={2: [0.0, 0.2 * F]})
+    K = np.array([[2.0, -0.5], [-0.5, 1.5]])
+    return hb.System(M * np.eye(2), 0.05 * K * M / T, K * k, elements, load)
+
+
+OTHER_UNITS = [(1e-6, 1.0, 1.0), (1e-9, 1e-6, 1e-12), (1.0, 1e-7, 1.0), (1e3, 1e3, 1e6)]
+
+
+@pytest.fixture(scope="module")
+def from_rest():
+    return hb.time.integrate(rubbing_mass(), np.zeros(4), 2, 0.9)
+
+
+@pytest.mark.parametrize(("L", "T", "M"), OTHER_UNITS)
+def test_integration_from_rest(L, T, M, from_rest):
+    motion = hb.time.integrate(rubbing_mass(L, T, M), np.zeros(4), 2, 0.9 / T)
+    np.testing.assert_allclose(motion.d / L, from_rest.d, rtol=0, atol=1e-9)
+
+
 def test_a_stop_out_of_reach_does_not_change_the_accuracy():
     far = hb.Element([1.0], hb.Unilateral(k=1.0, gap=1e6))
     cubic, load = hb.Element([1.0], hb.Cubic(k3=1.0)), hb.Load(cosine={1: [0.3]})

@@ -5,9 +5,9 @@
     open:   f = 0,          z' = d'                 while the contact of the normal force is open
 
 The limit is that of `FrictionLimit`, in each of its zones linear in the displacement d_n of an element. The positions z
-of the sliders follow the states of the structure. Their disturbances are states of the variational equation. They jump
-where a slider begins to slip, because z' jumps there: they become the disturbances of the bound d -+ limit / k. They
-also jump where a slider begins to stick as d_n leaves a zone, because a disturbance moves this instant.
+of the sliders follow the states of the structure. Their disturbances are states of the variational equation. Where a
+slider begins to slip they jump, to those of its bound d -+ limit / k, because z' jumps there, and where it begins to
+stick as d_n leaves a zone, because a disturbance moves this instant.
 """
 
 from __future__ import annotations
@@ -50,17 +50,17 @@ class SliderFlow:
     """
 
     def __init__(self, elements: Sequence[Element]) -> None:
-        limits = friction_limits(elements)
-        self.element = np.array([j for j, *_ in limits], dtype=int)
-        self.normal = np.array([limit.normal for *_, limit in limits], dtype=int)
-        self.k, self.residual = np.array([(slider.k, slider.residual) for _, slider, _ in limits]).reshape(-1, 2).T
-        self._waves = [(i, limit.wave) for i, (*_, limit) in enumerate(limits) if limit.wave.varies]
-        B = max([0, *(len(limit.level) for *_, limit in limits)])
-        self.level, self.gain, self.base = np.full((len(limits), B), np.inf), *np.zeros((2, len(limits), B + 1))
-        for i, (*_, limit) in enumerate(limits):
+        found = friction_limits(elements)
+        self.element = np.array([j for j, *_ in found], dtype=int)
+        self.normal = np.array([limit.normal for *_, limit in found], dtype=int)
+        self.k, self.residual = np.array([(one.k, one.residual) for _, one, _ in found]).reshape(-1, 2).T
+        self._waves = [(i, limit.wave) for i, (*_, limit) in enumerate(found) if limit.wave.varies]
+        B = max([0, *(len(limit.level) for *_, limit in found)])
+        self.level, self.gain, self.base = np.full((len(found), B), np.inf), *np.zeros((2, len(found), B + 1))
+        for i, (*_, limit) in enumerate(found):
             self.level[i, : len(limit.level)] = limit.level
             self.gain[i, : len(limit.gain)], self.base[i, : len(limit.base)] = limit.gain, limit.base
-        self._indices = np.arange(len(limits))
+        self._indices = np.arange(len(found))
 
     def __len__(self) -> int:
         return len(self.element)
@@ -68,12 +68,15 @@ class SliderFlow:
     def zones(self, d: Array, v: Array) -> Integers:
         """Return the zones (Q,) of the limits at displacements and rates (m,); on a level the rate decides."""
         x, rate = d[self.normal], v[self.normal]
-        shifted = x + np.where(rate < 0, -1.0, 1.0) * BREAKPOINT_TOLERANCE * (1 + np.abs(x))
-        zone: Integers = np.where(self.normal >= 0, np.sum(shifted[:, None] > self.level, axis=1), 0)
+        ahead = x + np.where(rate < 0, -1.0, 1.0) * BREAKPOINT_TOLERANCE * (1 + np.abs(x))
+        zone: Integers = np.where(self.normal >= 0, np.sum(ahead[:, None] > self.level, axis=1), 0)
         return zone
 
     def limit(self, zone: Integers, tau: Any, Omega: float, d: Array, v: Array) -> tuple[Array, Array, Array]:
-        """Return the limits and their rates (Q, ...) at displacements and rates (m, ...), and their gains (Q,)."""
+        """Return the limits and their rates (Q, ...) at displacements and rates (m, ...), and their gains (Q,).
+
+        In a trial step the limit of a contact that opens continues with negative values.
+        """
         gain, base = self.gain[self._indices, zone], self.base[self._indices, zone]
         columns = (slice(None), *[None] * (d.ndim - 1))
         value = base[columns] + gain[columns] * d[self.normal]
@@ -81,7 +84,7 @@ class SliderFlow:
         for i, wave in self._waves:
             value[i] += wave(tau)
             rate[i] += Omega * wave(tau, 1)
-        return np.maximum(value, 0.0), rate, gain
+        return value, rate, gain
 
     def is_open(self, zone: Integers) -> np.ndarray:
         """Return whether the limits (Q,) are zero, because contacts are open."""
@@ -90,22 +93,22 @@ class SliderFlow:
 
     def positions(self, tau: float, d: Array, z: Array | None = None) -> Array:
         """Return positions (Q,) within the friction limits at displacements d (m,), by default the residual ones."""
-        max_elastic = self.limit(self.zones(d, 0 * d), tau, 0.0, d, 0 * d)[0] / self.k
+        reach = self.limit(self.zones(d, 0 * d), tau, 0.0, d, 0 * d)[0] / self.k
         d = d[self.element]
-        positions: Array = np.clip(self.residual if z is None else z, d - max_elastic, d + max_elastic)
-        return positions
+        found: Array = np.clip(self.residual if z is None else z, d - reach, d + reach)
+        return found
 
-    def at(self, tau: float, Omega: float, d: Array, v: Array, z: Array) -> Integers:
+    def at(self, tau: float, Omega: float, d: Array, v: Array, z: Array, zone: Integers | None = None) -> Integers:
         """Return the state (2, Q) of each slider at displacements and rates (m,), see `SLIP` and `ZONE`.
 
-        The slider of an open contact slips in the direction +1 with the limit zero.
+        The slider of an open contact slips in the direction +1 with the limit zero. Zones are by default those of d.
         """
-        zone = self.zones(d, v)
+        zone = self.zones(d, v) if zone is None else zone
         limit, rate, _ = self.limit(zone, tau, Omega, d, v)
-        elastic, max_elastic, v = d[self.element] - z, limit / self.k, v[self.element]
-        size = _ON_LIMIT * np.maximum(max_elastic, np.abs(d[self.element]))
-        outwards = np.where(max_elastic > size, np.sign(elastic), np.sign(v))  # a contact that closes has no stretch
-        slips = (np.abs(elastic) >= max_elastic - size) & (outwards * v > rate / self.k)
+        stretch, reach, v = d[self.element] - z, limit / self.k, v[self.element]
+        size = _ON_LIMIT * np.maximum(reach, np.abs(d[self.element]))
+        outwards = np.where(reach > size, np.sign(stretch), np.sign(v))  # a contact that closes has no stretch
+        slips = (np.abs(stretch) >= reach - size) & (outwards * v > rate / self.k)
         slip = np.where(self.is_open(zone), 1.0, np.where(slips, outwards, 0.0))
         return np.array([slip, zone]).astype(int)
 
@@ -115,63 +118,68 @@ class SliderFlow:
         k = np.where(slip == 0, self.k, 0.0)
         return np.where(slip == 0, k * (d[self.element] - z), slip * limit), k
 
-    def exits(self, flow: Any, solver: Any, state: Integers) -> tuple[Array, Array]:
+    def exits(self, flow: Any, solver: Any, state: Integers) -> tuple[Array, Array, Integers]:
         """Return instants (Q,) in the last step, inf if there are none.
 
         The first ones are those at which sliders begin to slip or stick, the second ones those at which limits leave
-        their zones.
+        their zones; the last array has the changes of the zones, -1 or +1.
         """
+        never, no_changes = np.full(len(self), np.inf), np.zeros(len(self), dtype=int)
         if not len(self):
-            return np.full((2, 0), np.inf)[0], np.full(0, np.inf)
+            return never, never, no_changes
         dense = solver.dense_output()
         t, (slip, zone) = np.linspace(solver.t_old, solver.t, SAMPLES_PER_STEP + 1), state
         opened, sticks = self.is_open(zone)[:, None], (slip == 0)[:, None]
 
         def tests(instants: Array) -> tuple[Array, Array]:
-            """Return functions (Q, T) in [-1, 1] while sticking or not negative while slipping, and d_n."""
+            """Return functions (Q, T), not positive while sticking and not negative while slipping, and d_n."""
             Y = dense(instants)
             d, v = flow.gaps_over(instants, Y)
             z = flow.columns_of(Y)[flow.order :, 0]
             limit, rate, _ = self.limit(zone, flow.Omega * instants, flow.Omega, d, v)
-            ratio = (d[self.element] - z) * self.k[:, None] / np.where(limit > 0, limit, 1e-300)
+            excess = np.abs(d[self.element] - z) * self.k[:, None] - limit
             sliding = slip[:, None] * v[self.element] - rate / self.k[:, None]
-            return np.where(sticks, ratio, np.where(opened, 1.0, sliding)), d[self.normal]
+            return np.where(sticks, excess, np.where(opened, 1.0, sliding)), d[self.normal]
 
-        def first(index: int, low: Array, high: Array) -> Array:
+        def first(index: int, low: Array, high: Array) -> tuple[Array, Integers]:
             def value(rows: Integers, instants: Array) -> Array:
-                return np.array([tests(np.array([x]))[index][i, 0] for i, x in zip(rows, instants, strict=True)])
+                values = (tests(np.array([x]))[index][i, 0] for i, x in zip(rows, instants, strict=True))
+                return np.array(list(values)) / sizes[index][rows]
 
-            return first_exit(t, samples[index], np.gradient(samples[index], t, axis=1), low, high, value)[0]
+            scaled = samples[index] / sizes[index][:, None]
+            return first_exit(t, scaled, np.gradient(scaled, t, axis=1), low, high, value)
 
         samples = tests(t)
-        change = first(0, np.where(slip == 0, -1.0, 0.0), np.where(slip == 0, 1.0, np.inf))
+        size = np.abs(samples[0]).max(axis=1)
+        sizes = np.where(size > 0, size, 1.0), flow.lengths(solver)[self.normal]
+        change = first(0, np.where(slip == 0, -np.inf, 0.0), np.where(slip == 0, 0.0, np.inf))[0]
         if (self.normal < 0).all():
-            return change, np.full(len(self), np.inf)
+            return change, never, no_changes
         edges = np.pad(self.level, ((0, 0), (1, 1)), constant_values=((0, 0), (-np.inf, np.inf)))
         low, high = edges[self._indices, zone], edges[self._indices, zone + 1]
-        zone_exits = first(1, np.where(self.normal < 0, -np.inf, low), np.where(self.normal < 0, np.inf, high))
-        return change, zone_exits
+        low, high = np.where(self.normal < 0, -np.inf, low), np.where(self.normal < 0, np.inf, high)
+        return change, *first(1, low / sizes[1], high / sizes[1])
 
     def after(
-        self, flow: Any, t: float, Y: Array, state: Integers, changed: np.ndarray, zone_left: np.ndarray
+        self, flow: Any, t: float, Y: Array, state: Integers, changed: np.ndarray, zone_changes: Integers
     ) -> tuple[Array, Integers]:
         """Return the states of the motion and of the sliders after an event at t.
 
-        ``changed`` are the sliders that begin to slip or stick, ``zone_left`` those whose limits leave their zones.
+        ``changed`` are the sliders that begin to slip or stick, ``zone_changes`` the changes (Q,) of the zones of limits.
         """
         Y, N = flow.columns_of(Y[:, None])[..., 0].copy(), flow.order
         d, v = flow.gaps(t, Y.ravel())
         limit, _, gain = self.limit(state[ZONE], flow.Omega * t, flow.Omega, d, v)
-        u, state = flow.D @ Y[:N, 1:], state.copy()
-        for i in np.flatnonzero(changed & ~zone_left).tolist():
+        u, state, left = flow.D @ Y[:N, 1:], state.copy(), zone_changes != 0
+        for i in np.flatnonzero(changed & ~left).tolist():
             j, before = self.element[i], state[SLIP, i]
             side = int(before) or int(np.sign(d[j] - Y[N + i, 0]))
             state[SLIP, i] = 0 if before else side
             Y[N + i, 0] = d[j] - side * limit[i] / self.k[i]
             Y[N + i, 1:] = u[j] - side * gain[i] / self.k[i] * u[self.normal[i]]
-        if zone_left.any():
-            new_state = self.at(flow.Omega * t, flow.Omega, d, v, Y[N:, 0])
-            for i in np.flatnonzero(zone_left).tolist():
+        if left.any():
+            new_state = self.at(flow.Omega * t, flow.Omega, d, v, Y[N:, 0], state[ZONE] + zone_changes)
+            for i in np.flatnonzero(left).tolist():
                 j, normal = self.element[i], self.normal[i]
                 if state[SLIP, i] and v[normal]:
                     Y[N + i, 1:] = u[j] - v[j] / v[normal] * u[normal]
@@ -203,9 +211,9 @@ def complete_state(flow: Any, t: float, y: Array) -> Array:
     """
     n, Q = 2 * flow.structure.n, len(flow.sliders)
     if y.shape not in ((n,), (n + Q,)):
-        hint = f", or ({n + Q},) with the positions of the sliders" if Q else ""
+        more = f", or ({n + Q},) with the positions of the sliders" if Q else ""
         raise ValueError(
-            f"a state of shape {y.shape} does not fit {n // 2} coordinates; give an array of shape ({n},){hint}"
+            f"a state of shape {y.shape} does not fit {n // 2} coordinates; give an array of shape ({n},){more}"
         )
     if not Q:
         return y
