@@ -144,7 +144,8 @@ class SliderFlow:
         def first(index: int, low: Array, high: Array) -> tuple[Array, Integers]:
             def value(rows: Integers, instants: Array) -> Array:
                 values = (tests(np.array([x]))[index][i, 0] for i, x in zip(rows, instants, strict=True))
-                return np.array(list(values)) / sizes[index][rows]
+                scaled: Array = np.array(list(values)) / sizes[index][rows]
+                return scaled
 
             scaled = samples[index] / sizes[index][:, None]
             return first_exit(t, scaled, np.gradient(scaled, t, axis=1), low, high, value)
@@ -165,7 +166,7 @@ class SliderFlow:
     ) -> tuple[Array, Integers]:
         """Return the states of the motion and of the sliders after an event at t.
 
-        ``changed`` are the sliders that begin to slip or stick, ``zone_changes`` the changes (Q,) of the zones of limits.
+        ``changed`` are the sliders that begin to slip or stick, ``zone_changes`` (Q,) the changes of the zones of limits.
         """
         Y, N = flow.columns_of(Y[:, None])[..., 0].copy(), flow.order
         d, v = flow.gaps(t, Y.ravel())
