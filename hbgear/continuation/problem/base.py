@@ -202,8 +202,7 @@ class ContinuationProblem:
 
     def unit_of(self, name: str, value: float) -> float:
         """Return the size of a parameter: its value; near zero 1e-3 of its default, or 1e-2 if that is 0 or unknown."""
-        usual = abs(self.parameters.get(name, 0.0))
-        return max(abs(value), 1e-3 * usual if usual else 1e-2)
+        return max(abs(value), 1e-3 * abs(self.parameters.get(name, 0.0)) or 1e-2)
 
     def smallest_scale(self, name: str) -> float:
         """Return the smallest scale of a parameter among the unknowns that may be zero along a curve; by default 0."""
@@ -333,17 +332,11 @@ class ContinuationProblem:
         return X
 
     def with_borders_at(self, X: Array, parameters: Mapping[str, float], renew: bool = False) -> Self:
-        """Return the problem with its equations stated relative to a nearby point; by default itself.
-
-        Equations that refer to a point already are kept unless ``renew`` is True.
-        """
+        """Return the problem relative to a point, with ``renew`` again if it is to one already; by default itself."""
         return self
 
     def in_phase(self, X: Array, tangent: Array, reference: Array) -> tuple[Array, Array]:
-        """Return X and its tangent shifted in time to be nearest to a reference, if the phase is arbitrary.
-
-        By default the phase is determined, and both are returned as they are.
-        """
+        """Return X and its tangent, shifted in time to be nearest to a reference if the phase is arbitrary."""
         return X, tangent
 
     # ---- finished branches

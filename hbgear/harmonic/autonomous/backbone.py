@@ -188,8 +188,7 @@ class BackboneProblem(ContinuationProblem):
 
     def in_phase(self, X: Array, tangent: Array, reference: Array) -> tuple[Array, Array]:
         """Return unknowns and their tangent shifted in time to be nearest to a reference."""
-        d, along = in_phase(X[:-2], tangent[:-2], reference[:-2], self.balance.m)
-        return np.append(d, X[-2:]), np.append(along, tangent[-2:])
+        return in_phase(X, tangent, reference, self.balance.m, 2)
 
     def _with(self, **changes: Any) -> Self:
         out = copy.copy(self)
@@ -339,12 +338,8 @@ class BackboneProblem(ContinuationProblem):
 
     def describe(self) -> dict[str, Any]:
         """Return the data for the header of a file."""
-        balance = self.balance.discretization.describe(None)
-        return {
-            "model": describe(self.model),
-            "balance": balance,
-            "curve": {"of": type(self).__name__, "mode": self.mode},
-        }
+        curve = {"of": type(self).__name__, "mode": self.mode}
+        return {"model": describe(self.model), "balance": self.balance.discretization.describe(None), "curve": curve}
 
     @property
     def dof_names(self) -> tuple[str, ...]:

@@ -85,8 +85,7 @@ class LimitCycleProblem(MinimallyAugmentedProblem):
 
     def in_phase(self, X: Array, tangent: Array, reference: Array) -> tuple[Array, Array]:
         """Return unknowns (X, Omega) and their tangent shifted in time to be nearest to a reference."""
-        d, along = in_phase(X[:-1], tangent[:-1], reference[:-1], self.problem.m)
-        return np.append(d, X[-1]), np.append(along, tangent[-1])
+        return in_phase(X, tangent, reference, self.problem.m, 1)
 
     def events(self, parameter: str) -> tuple[Any, ...]:
         """Return period doublings and Neimark-Sacker points."""

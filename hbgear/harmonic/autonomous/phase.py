@@ -34,12 +34,14 @@ def phase_vector(X: Array, m: int) -> Array:
     return b / norm(b)
 
 
-def in_phase(motion: Array, tangent: Array, reference: Array, m: int) -> tuple[Array, Array]:
-    """Return a motion X (n,) of m elements and its tangent, shifted in time: the one nearest to a reference.
+def in_phase(X: Array, tangent: Array, reference: Array, m: int, parameters: int) -> tuple[Array, Array]:
+    """Return unknowns X and their tangent, shifted in time: the motion of m elements nearest to that of a reference.
 
-    Along a closed curve a motion that is not symmetric in time returns with another phase.
+    The last unknowns are parameters, whose number is given. Along a closed curve a motion that is not symmetric in time
+    returns with another phase.
     """
-    c, t, r = (to_complex(x.reshape(m, -1)) for x in (motion, tangent, reference))
+    n = len(X) - parameters
+    c, t, r = (to_complex(x[:n].reshape(m, -1)) for x in (X, tangent, reference))
     k = np.arange(c.shape[1])
     product = np.sum(r.conj() * c, axis=0)  # max_phi Re sum_k product_k exp(i k phi)
     phases = 2 * np.pi * np.arange(_PHASES_PER_HARMONIC * len(k)) / (_PHASES_PER_HARMONIC * len(k))
@@ -49,7 +51,7 @@ def in_phase(motion: Array, tangent: Array, reference: Array, m: int) -> tuple[A
         bend = float((k * terms).real.sum())
         phi -= float(terms.imag.sum()) / bend if bend > 0 else 0.0
     turn = np.exp(1j * k * phi)
-    return to_real(c * turn).ravel(), to_real(t * turn).ravel()
+    return np.append(to_real(c * turn), X[n:]), np.append(to_real(t * turn), tangent[n:])
 
 
 _PHASES_PER_HARMONIC = 16
