@@ -80,7 +80,8 @@ class ScalarConditionProblem(MinimallyAugmentedProblem):
         """
         motion, unknown = self.problem.split(X)
         point = Point(
-            motion, {**parameters, **unknown}, 0.0, 0, None, np.zeros(0, dtype=np.int8), float("nan"), self.problem.layout,
+            motion, {**parameters, **unknown}, 0.0, 0, None, np.zeros(0, dtype=np.int8), float("nan"),
+            self.problem.layout,
             problem=self.problem.original,
         )  # fmt: skip
         value = float(self.test(point))

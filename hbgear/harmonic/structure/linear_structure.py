@@ -449,7 +449,8 @@ def flexibility(K: Array, scale: Array) -> Array:
 def _without_drift(structure: LinearStructure, frequency_scale: float) -> Array | None:
     """Return a basis of the states without free motions and their momentum.
 
-    The states are (q, q'/frequency_scale), scaled by the masses. The basis is None if there are no free motions, or if dampers act on them.
+    The states are (q, q'/frequency_scale), scaled by the masses. The basis is None if there are no free motions, or if
+    dampers act on them.
 
     Gyroscopic forces may act on a free motion r, K r = 0, without doing work, l^T C r = 0 with l^T K = 0. Then
     l^T (M q' + C q) is constant, and r is a drift that no element measures: the pole zero is double.

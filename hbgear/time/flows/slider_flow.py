@@ -166,7 +166,7 @@ class SliderFlow:
     ) -> tuple[Array, Integers]:
         """Return the states of the motion and of the sliders after an event at t.
 
-        ``changed`` are the sliders that begin to slip or stick, ``zone_changes`` (Q,) the changes of the zones of limits.
+        ``changed`` are the sliders that begin to slip or stick, ``zone_changes`` (Q,) the changes of zones of limits.
         """
         Y, N = flow.columns_of(Y[:, None])[..., 0].copy(), flow.order
         d, v = flow.gaps(t, Y.ravel())
