@@ -240,13 +240,15 @@ def leaving_lines(branch: Branch) -> list[str]:
     return lines
 
 
-def reliability_lines(branch: Branch) -> list[str]:
+def reliability_lines(branch: Branch, dimensionless: bool = False) -> list[str]:
     """Return the estimated relative errors of a branch in one line, followed by its warnings.
 
     Parameters
     ----------
     branch : Branch
         Traced branch.
+    dimensionless : bool, optional
+        Whether warnings state Omega although the model has scales; default False.
 
     Returns
     -------
@@ -260,7 +262,7 @@ def reliability_lines(branch: Branch) -> list[str]:
     if not math.isnan(branch.relative_error):
         errors.append(f"response {branch.relative_error:.0e}")
     texts = [f"Estimated relative error: {', '.join(errors) or 'unknown'}", *_determined_stability(branch)]
-    return ["; ".join(texts), *(f"warning: {warning}" for warning in branch.warnings)]
+    return ["; ".join(texts), *(f"warning: {in_speeds(branch, warning, dimensionless)}" for warning in branch.warnings)]
 
 
 def _special_point_error(branch: Branch) -> Iterator[str]:
@@ -359,10 +361,13 @@ def in_speeds(branch: Branch, text: str, dimensionless: bool = False) -> str:
     """Return a text about a branch, with speeds instead of values of Omega if the model has scales."""
 
     def converted(match: re.Match[str]) -> str:
-        (value,) = values_text(branch, [float(match[1])], dimensionless)
-        return value if "Omega" in value else f"{float(value.split()[0]):.5g} r/min"  # messages have six digits
+        digits = len(match[1].partition("e")[0].replace(".", "").lstrip("0")) - 1  # the last one is rounded
+        return f"{axis.scale * float(match[1]):.{max(digits, 5)}g} r/min"
 
-    return _OMEGA.sub(converted, text) if branch.parameter == "Omega" else text
+    axis = Abscissa([branch], dimensionless)
+    if branch.parameter != "Omega" or axis.label != SPEED_LABEL:
+        return text
+    return _OMEGA.sub(converted, text)
 
 
 _OMEGA = re.compile(r"Omega = (\d+(?:\.\d+)?(?:e[-+]?\d+)?)")

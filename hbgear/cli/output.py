@@ -185,17 +185,17 @@ def show_branch(
     """Print the tables of special points and jumps (see `show_jumps`), and the reliability of the curve."""
     if not branch.special:
         print_text("no special points")
-        show_reliability(branch)
+        show_reliability(branch, dimensionless)
         return
     headers, rows = special_table(branch, measure, element, dimensionless)
     print_table(headers, rows, "special points")
     show_jumps(branch, measure, element, other_branches, names, dimensionless)
-    show_reliability(branch)
+    show_reliability(branch, dimensionless)
 
 
-def show_reliability(branch: hb.Branch) -> None:
+def show_reliability(branch: hb.Branch, dimensionless: bool = False) -> None:
     """Print the estimated errors and warnings of a curve, and how to fix them."""
-    lines = reliability_lines(branch)
+    lines = reliability_lines(branch, dimensionless)
     for line in lines:
         print_text(line)
     if branch.warnings and lines:

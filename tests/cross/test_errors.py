@@ -372,7 +372,7 @@ def test_undecided_cases_are_listed_and_drawn(tmp_path):
     doubtful = replace(curve, modulus_error=np.where(np.arange(len(curve)) == 7, 1.0 - modulus + 1e-3, np.nan))
     assert doubtful.stability[7] == "undecided" == doubtful[7].stability and doubtful[7].stable is None
     assert doubtful.undecided.sum() == 1 and not doubtful.stable[7] and doubtful.stable.sum() == len(curve) - 1
-    assert "stability undecided at 1 points with Omega = " in doubtful.warnings[0]
+    assert "stability undecided at 1 point, Omega = " in doubtful.warnings[0]
     styles = {line.get_linestyle() for line in hb.plot.response(doubtful).lines}
     assert ":" in styles and ":" not in {line.get_linestyle() for line in hb.plot.response(curve).lines}
 

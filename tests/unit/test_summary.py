@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-from hbgear.analysis.summary import reliability_lines
+from hbgear.analysis.summary import in_speeds, reliability_lines, speeds_of
 
 
 @pytest.fixture(scope="module")
@@ -71,3 +71,13 @@ def test_unknown_errors_are_named(curve):
 
 def test_without_error_estimates_there_are_no_lines(curve):
     assert reliability_lines(replace(curve, meta={**curve.meta, "trace": {"accuracy": None}})) == []
+
+
+def test_warnings_state_speeds_of_models_with_units():
+    """A value of Omega with n digits is a speed with n - 1 digits, at least five."""
+    pair = hb.gears.GearPair(*(hb.gears.Gear(z, "3 mm", face_width="20 mm") for z in (25, 40)), backlash="80 um")
+    branch = hb.trace(hb.HarmonicBalance(pair.model("200 N m", 0.05), 4), "Omega", (0.31, 0.3), accuracy=None)
+    factor = speeds_of(branch, branch[0])["r/min"] / branch.values[0]
+    text = "between Omega = 0.647487 and Omega = 0.123456789"
+    assert in_speeds(branch, text) == f"between {0.647487 * factor:.5g} r/min and {0.123456789 * factor:.8g} r/min"
+    assert in_speeds(branch, text, dimensionless=True) == text

@@ -78,9 +78,10 @@ def _undecided_points(branch: BranchData) -> list[str]:
     undecided = np.flatnonzero(branch.undecided)
     if not undecided.size:
         return []
-    low, high = branch.values[undecided].min(), branch.values[undecided].max()
-    location = f"= {low:.6g}" if low == high else f"from {low:.6g} to {high:.6g}"
-    return [f"stability undecided at {undecided.size} points with {branch.parameter} {location}"]
+    low, high, name = branch.values[undecided].min(), branch.values[undecided].max(), branch.parameter
+    if undecided.size == 1:
+        return [f"stability undecided at 1 point, {name} = {low:.6g}"]
+    return [f"stability undecided at {undecided.size} points from {name} = {low:.6g} to {name} = {high:.6g}"]
 
 
 START_DISTANCE = 1e-3
