@@ -25,7 +25,7 @@ def test_a_train_of_two_wheels_is_the_pair():
     assert drawn.scales.pinion_speed(1.0 / 50) == pytest.approx(60 * drawn.scales.mesh_frequency(1.0 / 50) / 25)
     mesh = hb.gears.Mesh.of("a", "b", pair, (200**2 + 0.5 * (60**2 + 10**2)) ** 0.5, 0.04, mesh="secant")
     wheels = [hb.gears.Wheel.of("a", a, torque="200 N m"), hb.gears.Wheel.of("b", b)]
-    turned = hb.gears.Train(wheels, [dataclasses.replace(mesh, torque=None)], balance="b")._kinematics.turned["a"]
+    turned = hb.gears.Train(wheels, [dataclasses.replace(mesh, torque=None)], balance="b")._kinematics.start_angles["a"]
     shifted = {2: (60, radians(20) - 2 * turned), 2.5: (10, -2.5 * turned)}
     wheels[0] = hb.gears.Wheel.of("a", a, torque="200 N m", torque_orders=shifted)
     train = hb.gears.Train(wheels, [mesh], balance="b")

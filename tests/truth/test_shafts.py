@@ -130,7 +130,7 @@ def test_unbalance_of_a_jeffcott_rotor(turn):
     q = to_complex(problem.motion(problem.start(Omega=Omega), Omega=Omega))[:, 1] * train.b_c
     x, y = (q[problem.dof_names.index(f"{axis}_rotor")] for axis in "xy")
     phase = np.exp(
-        turn * 1j * (0.4 + train._kinematics.turned["rotor"])
+        turn * 1j * (0.4 + train._kinematics.start_angles["rotor"])
     )  # x ~ cos(theta) in both directions of rotation
     expected = 1.5 * U * w**2 * phase / (k - m * w**2 + 2j * zeta * sqrt(k * m) * w)
     np.testing.assert_allclose([x, y], [expected, -turn * 1j * expected], rtol=1e-10)

@@ -82,23 +82,27 @@ class EpicyclicLayout(Model):
 
     def __post_init__(self) -> None:
         for name, kind in (("wheels", Wheel), ("meshes", Mesh)):
-            given = getattr(self, name)
-            if not isinstance(given, tuple | list) or not given or not all(isinstance(one, kind) for one in given):
-                raise ValueError(f"EpicyclicSet: {name} = {quoted(given)} must be a list of {kind.__name__}(...)")
-            object.__setattr__(self, name, tuple(given))
+            components = getattr(self, name)
+            if (
+                not isinstance(components, tuple | list)
+                or not components
+                or not all(isinstance(x, kind) for x in components)
+            ):
+                raise ValueError(f"EpicyclicSet: {name} = {quoted(components)} must be a list of {kind.__name__}(...)")
+            object.__setattr__(self, name, tuple(components))
         check("EpicyclicSet", "bodies", self.bodies, tuple | list)
         object.__setattr__(self, "bodies", tuple(tuple(body) for body in self.bodies))
         object.__setattr__(self, "torque_orders", torque_orders("EpicyclicSet", self.torque_orders))
         super().__post_init__()
         counted("EpicyclicSet: planets", self.planets, 40)
-        self._check_parts()
+        self._check_components()
         self._check_members()
         self._check_assembly()
         self._check_period()
 
     # ---- checks
 
-    def _check_parts(self) -> None:
+    def _check_components(self) -> None:
         """Raise an error if a wheel or mesh has what this model does not have."""
         names = [wheel.name for wheel in self.wheels]
         for wheel in self.wheels:
@@ -119,8 +123,8 @@ class EpicyclicLayout(Model):
             if wrong is not None:
                 raise ValueError(f"EpicyclicSet: bodies: '{wrong}' is no gear of a planet"
                                  f"{did_you_mean(wrong, self._planet_gears)}")  # fmt: skip
-            places = {(self._by_name[name].x, self._by_name[name].y) for name in body}
-            if len(places) > 1:
+            axes = {(self._by_name[name].x, self._by_name[name].y) for name in body}
+            if len(axes) > 1:
                 raise ValueError(f"EpicyclicSet: bodies: the gears {', '.join(body)} of one planet have different axes")
 
     def _check_members(self) -> None:
@@ -161,17 +165,17 @@ class EpicyclicLayout(Model):
     @cached_property
     def _by_name(self) -> dict[str, Wheel]:
         """Wheels by name, with base radii exactly in the ratio of the teeth of gears that mesh."""
-        found, known = {wheel.name: wheel for wheel in self.wheels}, set[str]()
-        pending = [mesh for mesh in self.meshes if {mesh.first, mesh.second} <= found.keys()]
+        wheels, connected = {wheel.name: wheel for wheel in self.wheels}, set[str]()
+        pending = [mesh for mesh in self.meshes if {mesh.first, mesh.second} <= wheels.keys()]
         while pending:
-            mesh = next((one for one in pending if known & {one.first, one.second}), pending[0])
+            mesh = next((m for m in pending if connected & {m.first, m.second}), pending[0])
             pending.remove(mesh)
-            a, b = (mesh.second, mesh.first) if mesh.second in known else (mesh.first, mesh.second)
-            exact = found[a].base_radius * found[b].teeth / max(found[a].teeth, 1)
-            if b not in known and exact and abs(found[b].base_radius - exact) <= RADIUS_TOLERANCE * exact:
-                found[b] = dataclasses.replace(found[b], base_radius=exact)
-            known |= {a, b}
-        return found
+            a, b = (mesh.second, mesh.first) if mesh.second in connected else (mesh.first, mesh.second)
+            exact = wheels[a].base_radius * wheels[b].teeth / max(wheels[a].teeth, 1)
+            if b not in connected and exact and abs(wheels[b].base_radius - exact) <= RADIUS_TOLERANCE * exact:
+                wheels[b] = dataclasses.replace(wheels[b], base_radius=exact)
+            connected |= {a, b}
+        return wheels
 
     @property
     def _central(self) -> list[str]:
@@ -185,8 +189,8 @@ class EpicyclicLayout(Model):
     @cached_property
     def _relative(self) -> dict[str, Fraction]:
         """Speeds of the gears relative to the carrier, over that of one of them."""
-        found: dict[str, Fraction] = dict(kinematics(self._by_name, self._shafts(("",)), self.meshes).speeds)
-        return found
+        speeds: dict[str, Fraction] = dict(kinematics(self._by_name, self._shafts(("",)), self.meshes).speeds)
+        return speeds
 
     @cached_property
     def speeds(self) -> dict[str, Fraction]:
@@ -229,15 +233,15 @@ class EpicyclicLayout(Model):
         for n, group in enumerate(groups):
             c, s = cos(2 * pi * n / self.planets), sin(2 * pi * n / self.planets)
             for name in self._planet_gears:
-                one = self._by_name[name]
+                original = self._by_name[name]
                 wheels.append(dataclasses.replace(
-                    one, name=name + group, x=c * one.x - s * one.y, y=s * one.x + c * one.y
+                    original, name=name + group, x=c * original.x - s * original.y, y=s * original.x + c * original.y
                 ))  # fmt: skip
         meshes = [self._copied(mesh, n, group) for n, group in enumerate(groups) for mesh in self.meshes]
         shafts = self._shafts(groups)
         by_name = {wheel.name: wheel for wheel in wheels}
-        sides = kinematics(by_name, shafts, meshes).sides
-        for j, (mesh, side) in enumerate(zip(meshes, sides, strict=True)):
+        push_signs = kinematics(by_name, shafts, meshes).sides
+        for j, (mesh, side) in enumerate(zip(meshes, push_signs, strict=True)):
             outer = inner_first(mesh, by_name)[0].name
             drives = side * self._turning(outer) > 0
             if drives != (mesh.first == outer):
@@ -250,41 +254,43 @@ class EpicyclicLayout(Model):
 
     def _orient(self, wheels: list[Wheel], shafts: tuple[Shaft, ...], meshes: list[Mesh]) -> None:
         """Turn stepped planets by whole teeth of one gear until their other gears match the teeth of the mates."""
-        place = {wheel.name: i for i, wheel in enumerate(wheels)}
+        indices = {wheel.name: i for i, wheel in enumerate(wheels)}
 
         def mismatch() -> Array:
             by_name = {wheel.name: wheel for wheel in wheels}
             return np.array(phase_mismatch(by_name, meshes, kinematics(by_name, shafts, meshes)))
 
-        now = mismatch()
+        mismatches = mismatch()
         for name in (f"{name}{n + 1}" for n in range(1, self.planets) for body in self.bodies for name in body):
-            if np.abs(now).max() <= PHASE_TOLERANCE:
+            if np.abs(mismatches).max() <= PHASE_TOLERANCE:
                 return
-            i = place[name]
-            one = wheels[i]
-            wheels[i] = dataclasses.replace(one, angle=one.angle - 2 * pi / one.teeth)
-            step = (mismatch() - now + 0.5) % 1.0 - 0.5
-            wheels[i] = one
-            moved = np.abs(step) > PHASE_TOLERANCE
-            if not moved.any():
+            i = indices[name]
+            original = wheels[i]
+            wheels[i] = dataclasses.replace(original, angle=original.angle - 2 * pi / original.teeth)
+            step = (mismatch() - mismatches + 0.5) % 1.0 - 0.5
+            wheels[i] = original
+            affected = np.abs(step) > PHASE_TOLERANCE
+            if not affected.any():
                 continue
-            turns = np.arange(one.teeth)
-            left = np.abs((now[moved] + turns[:, None] * step[moved] + 0.5) % 1.0 - 0.5).max(axis=1)
-            best = int(np.argmin(left))
-            if left[best] <= PHASE_TOLERANCE:
-                wheels[i] = dataclasses.replace(one, angle=(one.angle - 2 * pi * best / one.teeth) % (2 * pi))
-                now = mismatch()
+            turns = np.arange(original.teeth)
+            residuals = np.abs((mismatches[affected] + turns[:, None] * step[affected] + 0.5) % 1.0 - 0.5).max(axis=1)
+            best = int(np.argmin(residuals))
+            if residuals[best] <= PHASE_TOLERANCE:
+                wheels[i] = dataclasses.replace(
+                    original, angle=(original.angle - 2 * pi * best / original.teeth) % (2 * pi)
+                )
+                mismatches = mismatch()
 
     def _turning(self, name: str) -> Fraction:
         """Return the speed of a gear relative to the carrier over the speed of the driver."""
-        copies = {f"{own}{n + 1}": own for own in self._planet_gears for n in range(self.planets)}
+        copies = {f"{gear}{n + 1}": gear for gear in self._planet_gears for n in range(self.planets)}
         return self.speeds[copies.get(name, name)] - self.speeds[CARRIER]
 
     def _copied(self, mesh: Mesh, n: int, group: str) -> Mesh:
         """Return the mesh of a group."""
         first, second = (name if name in self._central else name + group for name in (mesh.first, mesh.second))
-        turned = None if mesh.direction is None else mesh.direction + 2 * pi * n / self.planets
-        return dataclasses.replace(mesh, first=first, second=second, direction=turned, torque=None, lag=None)
+        direction = None if mesh.direction is None else mesh.direction + 2 * pi * n / self.planets
+        return dataclasses.replace(mesh, first=first, second=second, direction=direction, torque=None, lag=None)
 
     # ---- names and units
 
@@ -301,9 +307,9 @@ class EpicyclicLayout(Model):
     @property
     def _mesh_speed(self) -> Fraction:
         """Common frequency of the meshes over the speed of the driver."""
-        found = self.train._kinematics
+        motion = self.train._kinematics
         first = self.train.meshes[0].first
-        return abs(found.ratio * self._turning(first) / found.speeds[first])
+        return abs(motion.ratio * self._turning(first) / motion.speeds[first])
 
     @cached_property
     def common_order(self) -> int:
@@ -313,9 +319,9 @@ class EpicyclicLayout(Model):
     @property
     def orders(self) -> dict[str, float]:
         """Frequencies over Omega of every mesh of the first group, and of the carrier and the central gears."""
-        found, p = self.train._kinematics, self.common_order
+        motion, p = self.train._kinematics, self.common_order
         names = (mesh.name for mesh in self.meshes)
-        meshes = {name: float(order * p) for name, order in zip(names, found.orders, strict=False)}
+        meshes = {name: float(order * p) for name, order in zip(names, motion.orders, strict=False)}
         turning = {name: abs(float(self.speeds[name] * p / self._mesh_speed)) for name in (*self._central, CARRIER)}
         return meshes | {name: order for name, order in turning.items() if order}
 

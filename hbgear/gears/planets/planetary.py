@@ -174,25 +174,25 @@ class PlanetarySet(PlanetaryLayout):  # numpydoc ignore=PR02
     @property
     def _masses(self) -> Array:
         """Diagonal of M."""
-        parts = [(getattr(self, f"m_{i}"),) * 2 + (getattr(self, f"J_{i}"),) for i in [*"crs", *"p" * self.planets]]
-        return np.concatenate(parts)
+        masses = [(getattr(self, f"m_{i}"),) * 2 + (getattr(self, f"J_{i}"),) for i in [*"crs", *"p" * self.planets]]
+        return np.concatenate(masses)
 
     def _springs(self) -> list[tuple[float, float, Array]]:
         """Return stiffness, supported mass and direction of every linear spring."""
         n = 9 + 3 * self.planets
         unit = np.eye(n)
-        out = []
+        springs = []
         for i, name in enumerate(MEMBERS):
             k, m = (getattr(self, f"{letter}_{_LETTERS[name]}") for letter in "km")
-            out += [(k, m, unit[3 * i]), (k, m, unit[3 * i + 1])]
+            springs += [(k, m, unit[3 * i]), (k, m, unit[3 * i + 1])]
             if name == self.fixed:
-                out.append((self.k_t, getattr(self, f"J_{_LETTERS[name]}"), unit[3 * i + 2]))
+                springs.append((self.k_t, getattr(self, f"J_{_LETTERS[name]}"), unit[3 * i + 2]))
         for p, psi in enumerate(self.angles):
-            at = 9 + 3 * p
-            radial = cos(psi) * unit[0] + sin(psi) * unit[1] - unit[at]
-            tangential = cos(psi) * unit[1] - sin(psi) * unit[0] + unit[2] - unit[at + 1]
-            out += [(self.k_p, self.m_p, radial), (self.k_p, self.m_p, tangential)]
-        return out
+            start = 9 + 3 * p
+            radial = cos(psi) * unit[0] + sin(psi) * unit[1] - unit[start]
+            tangential = cos(psi) * unit[1] - sin(psi) * unit[0] + unit[2] - unit[start + 1]
+            springs += [(self.k_p, self.m_p, radial), (self.k_p, self.m_p, tangential)]
+        return springs
 
     def structure(self) -> tuple[Array, Array, Array]:
         """Return M, C, K without the meshes, in SI units."""
@@ -209,19 +209,19 @@ class PlanetarySet(PlanetaryLayout):  # numpydoc ignore=PR02
         columns = []
         for ring in (False, True):
             for p, psi in enumerate(self.angles):
-                w, first, at = np.zeros(9 + 3 * self.planets), 3 if ring else 6, 9 + 3 * p
+                w, first, start = np.zeros(9 + 3 * self.planets), 3 if ring else 6, 9 + 3 * p
                 mesh_angle = psi + a_r if ring else psi - a_s
                 w[first : first + 3] = -sin(mesh_angle), cos(mesh_angle), 1.0
-                w[at : at + 3] = (sin(a_r), -cos(a_r), -1.0) if ring else (-sin(a_s), -cos(a_s), 1.0)
+                w[start : start + 3] = (sin(a_r), -cos(a_r), -1.0) if ring else (-sin(a_s), -cos(a_s), 1.0)
                 columns.append(w)
         return np.array(columns).T
 
     def _load(self) -> Array:
         """Return the constant load: the torque on the sun and the reactions of the other members that turn."""
         F = self.torque_scale * self.torque / self.r_s
-        both = cos(radians(self.alpha_s_deg)) + cos(radians(self.alpha_r_deg))
+        cosines = cos(radians(self.alpha_s_deg)) + cos(radians(self.alpha_r_deg))
         load = np.zeros(9 + 3 * self.planets)
-        for i, (name, force) in enumerate(zip(MEMBERS, (-F * both, F, F), strict=True)):
+        for i, (name, force) in enumerate(zip(MEMBERS, (-F * cosines, F, F), strict=True)):
             if name != self.fixed:
                 load[3 * i + 2] = force
         return load
@@ -242,15 +242,15 @@ class PlanetarySet(PlanetaryLayout):  # numpydoc ignore=PR02
         gaps, lags = [], self.kinematics.lags
         carrier = self.orders.get("carrier", 0.0) * (1 if self.speeds["carrier"] > 0 else -1)
         for j, (name, w) in enumerate(zip(self.mesh_names, self.mesh_vectors().T, strict=True)):
-            which, n = ("rp", j - self.planets) if j >= self.planets else ("sp", j)
-            k = getattr(self, f"k_{which}")
-            alpha = radians(getattr(self, f"alpha_{which[0]}_deg"))
-            error = Series(cosine=getattr(self, f"e_{which}")).shifted(lags[j]).scaled(self.e_scale / length)
-            joined = 1 / (1 / self.J_p + 1 / (self.J_r if which == "rp" else self.J_s))
+            pair, n = ("rp", j - self.planets) if j >= self.planets else ("sp", j)
+            k = getattr(self, f"k_{pair}")
+            alpha = radians(getattr(self, f"alpha_{pair[0]}_deg"))
+            error = Series(cosine=getattr(self, f"e_{pair}")).shifted(lags[j]).scaled(self.e_scale / length)
+            joined = 1 / (1 / self.J_p + 1 / (self.J_r if pair == "rp" else self.J_s))
             gaps.append(
                 Element(
                     direction=w,
-                    law=self._mesh_law(which, lags[j]),
+                    law=self._mesh_law(pair, lags[j]),
                     displacement=in_order(
                         Series(errors[n] * cos(alpha) / length, error.cosine, error.sine), self.mesh_order
                     ),
@@ -282,24 +282,24 @@ class PlanetarySet(PlanetaryLayout):  # numpydoc ignore=PR02
         sense = 1 if self.speeds[self.driver] > 0 else -1
         unit = np.eye(9 + 3 * self.planets)[3 * MEMBERS.index(self.driver) + 2]
         direction = sense * self.fluctuation_scale / (radii[self.driver] * force) * unit
-        found = []
+        loads = []
         for order, amplitude, phase in self.torque_orders if self.fluctuation_scale else ():
             multiple = int(exact_order("PlanetarySet", order) / self.kinematics.mesh_speed * self.mesh_order)
-            found.append(order_load(multiple, amplitude, phase, direction))
-        return found
+            loads.append(order_load(multiple, amplitude, phase, direction))
+        return loads
 
-    def _mesh_law(self, which: str, lag: float) -> Law:
+    def _mesh_law(self, pair: str, lag: float) -> Law:
         """Return the dimensionless force law of a mesh with the sun ("sp") or the ring ("rp")."""
-        b, ratio = getattr(self, f"b_{which}") / self.b_c, getattr(self, f"k_{which}") / self.k_sp
-        contacts: MeshContacts | None = getattr(self, f"contacts_{which}")
+        b, ratio = getattr(self, f"b_{pair}") / self.b_c, getattr(self, f"k_{pair}") / self.k_sp
+        contacts: MeshContacts | None = getattr(self, f"contacts_{pair}")
         if contacts is None:
-            stiffness = mesh_stiffness(getattr(self, f"eps_{which}"), self.eps_scale).shifted(lag)
+            stiffness = mesh_stiffness(getattr(self, f"eps_{pair}"), self.eps_scale).shifted(lag)
             return Backlash(b=b, stiffness=in_order(stiffness.scaled(ratio), self.mesh_order))
         backward = self.kinematics.backward
 
-        def turned(one: Phased) -> Phased:
-            function: Phased = one.reversed() if backward else one
-            return in_order(function, self.mesh_order, lag)
+        def in_common_period(function: Phased) -> Phased:
+            directed: Phased = function.reversed() if backward else function
+            return in_order(directed, self.mesh_order, lag)
 
-        law: Law = contacts.changed(turned, turned).scaled(ratio, 1 / self.b_c).widened(b)
+        law: Law = contacts.changed(in_common_period, in_common_period).scaled(ratio, 1 / self.b_c).widened(b)
         return law

@@ -49,7 +49,7 @@ def drawn_fields(sun: GearPair, ring: GearPair, torque: Any, planets: int) -> di
         raise ValueError("PlanetarySet.of: a gear has pitch_errors or runout, and all planets are equal; give gears "
                          "without these errors")  # fmt: skip
     force = to_si("PlanetarySet.of", "torque", torque, "N m") / planets / sun.base_radii[0]
-    found = tooth_mesh(sun, force * sun.base_radii[0]), tooth_mesh(ring, force * ring.base_radii[0])
+    meshes = tooth_mesh(sun, force * sun.base_radii[0]), tooth_mesh(ring, force * ring.base_radii[0])
     members = {"s": sun.pinion, "p": ring.pinion, "r": ring.wheel}
     return {
         "teeth_s": sun.pinion.teeth, "teeth_p": ring.pinion.teeth, "teeth_r": ring.wheel.teeth,
@@ -57,13 +57,14 @@ def drawn_fields(sun: GearPair, ring: GearPair, torque: Any, planets: int) -> di
         **{f"m_{name}": gear.mass_used for name, gear in members.items()},
         **{f"J_{name}": 4 * gear.inertia_used / gear.base_diameter**2 for name, gear in members.items()},
         "alpha_s_deg": degrees(sun.working_pressure_angle), "alpha_r_deg": degrees(ring.working_pressure_angle),
-        "eps_sp": (), "eps_rp": (), "k_sp": found[0].stiffness, "k_rp": found[1].stiffness,
+        "eps_sp": (), "eps_rp": (), "k_sp": meshes[0].stiffness, "k_rp": meshes[1].stiffness,
         "b_sp": sun.half_backlash, "b_rp": ring.half_backlash,
         "thickness_p": (sun.thickness[1] + ring.thickness[0]) / 2,
-        "contacts_sp": _at_pitch_point(sun, found[0]), "contacts_rp": _at_pitch_point(ring, found[1]),
+        "contacts_sp": _contacts_at_pitch_point(sun, meshes[0]),
+        "contacts_rp": _contacts_at_pitch_point(ring, meshes[1]),
     }  # fmt: skip
 
 
-def _at_pitch_point(pair: GearPair, mesh: ToothMesh) -> MeshContacts:
+def _contacts_at_pitch_point(pair: GearPair, mesh: ToothMesh) -> MeshContacts:
     """Return contacts whose phase is zero where a pair of teeth is at the pitch point."""
-    return mesh.contacts(1.0).changed(*[lambda one: one.shifted(-2 * pi * pair.pitch_position)] * 2)
+    return mesh.contacts(1.0).changed(*[lambda function: function.shifted(-2 * pi * pair.pitch_position)] * 2)

@@ -64,15 +64,15 @@ def natural_modes(M: Array, K: Array) -> tuple[PlanetMode, ...]:
         Mass matrix and stiffness matrix with all teeth in contact; x, y, u of the central members first.
     """
     squares, shapes = scipy.linalg.eigh(K, M)
-    found = np.sqrt(np.maximum(squares, 0.0)) / (2 * pi)
-    found[squares < ZERO_FREQUENCY * squares[-1]] = 0.0
-    out: list[PlanetMode] = []
-    at = 0
-    while at < len(found):
-        count = int(np.sum(np.abs(found[at:] - found[at]) <= SAME_FREQUENCY * found[-1]))
-        out.append(PlanetMode(float(found[at]), _kind(shapes[:, at : at + count]), count))
-        at += count
-    return tuple(out)
+    frequencies = np.sqrt(np.maximum(squares, 0.0)) / (2 * pi)
+    frequencies[squares < ZERO_FREQUENCY * squares[-1]] = 0.0
+    modes: list[PlanetMode] = []
+    start = 0
+    while start < len(frequencies):
+        count = int(np.sum(np.abs(frequencies[start:] - frequencies[start]) <= SAME_FREQUENCY * frequencies[-1]))
+        modes.append(PlanetMode(float(frequencies[start]), _kind(shapes[:, start : start + count]), count))
+        start += count
+    return tuple(modes)
 
 
 def _kind(shapes: Array) -> str:

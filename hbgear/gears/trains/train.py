@@ -92,9 +92,9 @@ class Train(TrainLayout):  # numpydoc ignore=PR02
 
     # ---- matrices in SI units
 
-    def _assembled(self, parts: Mapping[str, Array]) -> Array:
+    def _assembled(self, vectors: Mapping[str, Array]) -> Array:
         """Return a vector of all coordinates from vectors (6,) of wheels and (h,) of the housing, under ""."""
-        return np.array([parts[name][axis] if name in parts else 0.0 for name, axis in self._coordinates])
+        return np.array([vectors[name][axis] if name in vectors else 0.0 for name, axis in self._coordinates])
 
     def _from_seat(self, bearing: Bearing, axis: int) -> Array:
         """Return the displacement (n,) of a wheel relative to the seat of its bearing, in one direction."""
@@ -124,25 +124,25 @@ class Train(TrainLayout):  # numpydoc ignore=PR02
         for beam in self.beams:
             mass, stiffness, _ = beam.matrices
             damping = beam.dampers(masses[beam.first], masses[beam.second])
-            for whole, own in ((M, mass), (C, damping), (K, stiffness)):
-                self._add(whole, beam, own)
+            for total, part in ((M, mass), (C, damping), (K, stiffness)):
+                self._add(total, beam, part)
         if self.housing:
-            for whole, own in ((M, self.housing.M), (C, self.housing.C), (K, self.housing.K)):
-                whole[n - len(own) :, n - len(own) :] += own
+            for total, part in ((M, self.housing.M), (C, self.housing.C), (K, self.housing.K)):
+                total[n - len(part) :, n - len(part) :] += part
         return M, C, K
 
-    def _add(self, whole: Array, beam: Beam, own: Array) -> None:
+    def _add(self, total: Array, beam: Beam, part: Array) -> None:
         """Add a matrix of all nodes of a beam to a matrix of all coordinates."""
-        at = {coordinate: i for i, coordinate in enumerate(self._coordinates)}
+        indices = {coordinate: i for i, coordinate in enumerate(self._coordinates)}
         nodes = [(name, axis) for name in (beam.first, *beam.nodes, beam.second) for axis in range(6)]
-        some = [i for i, coordinate in enumerate(nodes) if coordinate in at]  # a held wheel has no rotation
-        indices = [at[nodes[i]] for i in some]
-        whole[np.ix_(indices, indices)] += own[np.ix_(some, some)]
+        present = [i for i, coordinate in enumerate(nodes) if coordinate in indices]  # a held wheel has no rotation
+        rows = [indices[nodes[i]] for i in present]
+        total[np.ix_(rows, rows)] += part[np.ix_(present, present)]
 
     def mesh_vectors(self) -> Array:
         """Return the directions of the gaps as columns (n, m), in SI units."""
-        found, columns = self._kinematics, []
-        for mesh, side, angles in zip(self.meshes, found.sides, found.angles, strict=True):
+        kinematics, columns = self._kinematics, []
+        for mesh, side, angles in zip(self.meshes, kinematics.sides, kinematics.angles, strict=True):
             outer, inner = inner_first(mesh, self._by_name)
             first, second = line_of_action(mesh, side, angles, outer, inner)
             columns.append(self._assembled({outer.name: first, inner.name: second}))
@@ -150,40 +150,40 @@ class Train(TrainLayout):  # numpydoc ignore=PR02
 
     def _speed_terms(self, scale: Array) -> SpeedTerms | None:
         """Return gyroscopic terms and bearing tables, dimensionless and over Omega instead of a wheel speed."""
-        found, n = self._kinematics, len(self._coordinates)
-        at = {coordinate: i for i, coordinate in enumerate(self._coordinates)}
+        kinematics, n = self._kinematics, len(self._coordinates)
+        indices = {coordinate: i for i, coordinate in enumerate(self._coordinates)}
         G = np.zeros((n, n))
         for wheel in self.wheels if self.gyroscopic else ():
-            i, j = at.get((wheel.name, 3)), at.get((wheel.name, 4))
+            i, j = indices.get((wheel.name, 3)), indices.get((wheel.name, 4))
             if i is not None and j is not None:
-                G[i, j] = wheel.inertia * float(found.speeds[wheel.name] / found.ratio)
+                G[i, j] = wheel.inertia * float(kinematics.speeds[wheel.name] / kinematics.ratio)
                 G[j, i] = -G[i, j]
         for beam in self.beams if self.gyroscopic else ():
-            self._add(G, beam, float(found.speeds[beam.first] / found.ratio) * beam.matrices[2])
-        both = np.outer(scale, scale)
+            self._add(G, beam, float(kinematics.speeds[beam.first] / kinematics.ratio) * beam.matrices[2])
+        products = np.outer(scale, scale)
         units = {"table": self.k_mean, "damping_table": self.m_c * self.omega_n}
-        tables = {name: self._tables(name, both / unit) for name, unit in units.items()}
-        gyroscopic = both * G / self.m_c if G.any() else None
+        tables = {name: self._tables(name, products / unit) for name, unit in units.items()}
+        gyroscopic = products * G / self.m_c if G.any() else None
         if gyroscopic is None and not any(tables.values()):
             return None
         return SpeedTerms(gyroscopic, 1.0, tables["damping_table"], tables["table"])
 
     def _tables(self, name: str, factor: Array) -> MatrixTable | None:
         """Return the tables of all bearings as one table over Omega, for the common range of frequencies."""
-        found = [(bearing, getattr(bearing, name)) for bearing in self.bearings if getattr(bearing, name)]
-        if not found:
+        pairs = [(bearing, getattr(bearing, name)) for bearing in self.bearings if getattr(bearing, name)]
+        if not pairs:
             return None
-        per_speed = {b.at: self.orders.get(b.at, 0.0) * self.omega_n for b, _ in found}  # rad/s at Omega = 1
+        per_speed = {b.at: self.orders.get(b.at, 0.0) * self.omega_n for b, _ in pairs}  # rad/s at Omega = 1
         stationary = next((name for name, speed in per_speed.items() if not speed), None)
         if stationary is not None:
             raise ValueError(
                 f"Train: the bearing at '{stationary}' has a table over a speed, but the wheel does not turn"
             )
-        scaled = [(bearing, table, np.asarray(table.Omega) / per_speed[bearing.at]) for bearing, table in found]
-        low, high = max(each[0] for *_, each in scaled), min(each[-1] for *_, each in scaled)
+        scaled = [(bearing, table, np.asarray(table.Omega) / per_speed[bearing.at]) for bearing, table in pairs]
+        low, high = max(speeds[0] for *_, speeds in scaled), min(speeds[-1] for *_, speeds in scaled)
         if low >= high:
             raise ValueError("Train: the tables of the bearings have no speed in common; give longer ones")
-        Omega = np.unique(np.concatenate([[low, high], *(each for *_, each in scaled)]))
+        Omega = np.unique(np.concatenate([[low, high], *(speeds for *_, speeds in scaled)]))
         Omega = Omega[(Omega >= low) & (Omega <= high)]
         matrices = np.zeros((len(Omega), *factor.shape))
         for bearing, table, _ in scaled:
@@ -192,23 +192,25 @@ class Train(TrainLayout):  # numpydoc ignore=PR02
                     f"Train: the bearing at '{bearing.at}' has a table of x and y, in which the wheel cannot move"
                 )
             w = np.array([self._from_seat(bearing, axis) for axis in (0, 1)])
-            for i, one in enumerate(Omega.tolist()):
-                matrices[i] += w.T @ table(one * per_speed[bearing.at]) @ w
+            for i, frequency in enumerate(Omega.tolist()):
+                matrices[i] += w.T @ table(frequency * per_speed[bearing.at]) @ w
         return MatrixTable(Omega, matrices * factor)
 
     @property
     def reactions(self) -> dict[str, Reaction]:
         """Radial and axial bearing forces over k_mean b_c, without bearings with speed tables or radial clearances."""
-        masses, found = {wheel.name: wheel.masses for wheel in self.wheels}, {}
+        masses, forces = {wheel.name: wheel.masses for wheel in self.wheels}, {}
         for bearing in self.bearings:
             if bearing.table is not None or bearing.damping_table is not None:
                 continue
             k, c = bearing.stiffness / self.k_mean, bearing.dampers(masses[bearing.at]) / (self.m_c * self.omega_n)
-            for owner, axes in (("radial", (0, 1)), ("axial", (2,))):
-                if k[list(axes)].any() and not (bearing.clearance and owner == "radial"):
+            for direction, axes in (("radial", (0, 1)), ("axial", (2,))):
+                if k[list(axes)].any() and not (bearing.clearance and direction == "radial"):
                     rows = np.array([self._from_seat(bearing, axis) for axis in axes])
-                    found[f"{bearing.at} {owner}"] = Reaction(k[list(axes), None] * rows, c[list(axes), None] * rows)
-        return found
+                    forces[f"{bearing.at} {direction}"] = Reaction(
+                        k[list(axes), None] * rows, c[list(axes), None] * rows
+                    )
+        return forces
 
     # ---- the dimensionless system
 
@@ -217,7 +219,7 @@ class Train(TrainLayout):  # numpydoc ignore=PR02
 
         The module docstring states the scaling. A mesh with friction has three more elements, "A-B friction 1" to 3.
         """
-        S, found = self.units / self.b_c, self._kinematics
+        S, motion = self.units / self.b_c, self._kinematics
         SS, m_c, omega_n = np.outer(S, S), self.m_c, self.omega_n
         M, C, K = self.structure()
         gaps = [
@@ -228,16 +230,18 @@ class Train(TrainLayout):  # numpydoc ignore=PR02
                 damping=2 * mesh.damping * sqrt(self._equivalent_mass(mesh) * mesh.k_mean) / (m_c * omega_n),
                 name=mesh.name,
             )
-            for w, mesh, order, lag in zip(self.mesh_vectors().T, self._running, found.orders, found.lags, strict=True)
+            for w, mesh, order, lag in zip(
+                self.mesh_vectors().T, self._running, motion.orders, motion.lags, strict=True
+            )
         ]
-        rubbing = [
+        friction = [
             element for i, (mesh, gap) in enumerate(zip(self.meshes, gaps, strict=True))
-            for element in friction_elements(mesh, gap, self._by_name, found, i, lambda w: S * self._assembled(w))
+            for element in friction_elements(mesh, gap, self._by_name, motion, i, lambda w: S * self._assembled(w))
         ]  # fmt: skip
-        free = self._free_of_rotation(SS * M, SS * K, S) if rubbing else lambda vector: vector
+        remove_rotation = self._rotation_remover(SS * M, SS * K, S) if friction else lambda vector: vector
         gaps += [
-            one if i % 3 == 0 else dataclasses.replace(one, direction=free(np.asarray(one.direction)))
-            for i, one in enumerate(rubbing)
+            x if i % 3 == 0 else dataclasses.replace(x, direction=remove_rotation(np.asarray(x.direction)))
+            for i, x in enumerate(friction)
         ]
         gaps += self._clearances(S)
         torques = {name: np.array([0.0] * 5 + [torque]) for name, torque in self.torques.items()}
@@ -249,15 +253,15 @@ class Train(TrainLayout):  # numpydoc ignore=PR02
             K=SS * K / self.k_mean,
             elements=gaps,
             load=[
-                Load(constant=free(S * self._assembled(torques) / force)),
+                Load(constant=remove_rotation(S * self._assembled(torques) / force)),
                 *self._unbalances(S / force),
-                *self._fluctuations(S / force, free),
+                *self._fluctuations(S / force, remove_rotation),
             ],
             dof_names=[f"{AXES[axis]}_{name}" if name else housing[axis] for name, axis in self._coordinates],
             speed=self._speed_terms(S),
         )
 
-    def _free_of_rotation(self, M: Array, K: Array, scale: Array) -> Callable[[Array], Array]:
+    def _rotation_remover(self, M: Array, K: Array, scale: Array) -> Callable[[Array], Array]:
         """Return a function that removes the part of a force that turns the whole train."""
         speeds = dict(self._kinematics.speeds)
         speeds |= {node: speeds[beam.first] for beam in self.beams for node in beam.nodes}
@@ -278,48 +282,48 @@ class Train(TrainLayout):  # numpydoc ignore=PR02
 
         A bearing of equal springs in x and y has a round hole; otherwise each direction has a spring beyond a gap.
         """
-        found = []
+        elements = []
         for bearing in self.bearings:
             c = bearing.dampers(self._by_name[bearing.at].masses) / (self.m_c * self.omega_n)
-            gap, both = self.clearance_scale * bearing.clearance / self.b_c, (bearing.x, bearing.y)
+            gap, stiffnesses = self.clearance_scale * bearing.clearance / self.b_c, (bearing.x, bearing.y)
             W = [scale * self._from_seat(bearing, axis) for axis in range(2)] if bearing.clearance else []
-            is_round = both[0] == both[1] and all(w.any() for w in W)
+            is_round = stiffnesses[0] == stiffnesses[1] and all(w.any() for w in W)
             for axis, w in enumerate(W):
-                if both[axis] and w.any():
-                    k, name = both[axis] / self.k_mean, f"{bearing.at} {AXES[axis]}"
+                if stiffnesses[axis] and w.any():
+                    k, name = stiffnesses[axis] / self.k_mean, f"{bearing.at} {AXES[axis]}"
                     law: Law = Component(RadialClearance(k, gap), axis) if is_round else Backlash(gap, k)
-                    found.append(Element(w, law, damping=float(c[axis]), name=name))
-        return found
+                    elements.append(Element(w, law, damping=float(c[axis]), name=name))
+        return elements
 
     def _unbalances(self, scale: Array) -> list[Load]:
         """Return the load F = U omega^2 (cos theta, sin theta) of every unbalanced wheel.
 
-        theta = turned + angle + omega t is the angle of the unbalance.
+        theta = start_angle + angle + omega t is the angle of the unbalance.
         """
-        found = []
+        loads = []
         for wheel in self.wheels:
             if not wheel.unbalance or not self.unbalance_scale:
                 continue
             speed = self._kinematics.speeds[wheel.name] / self._kinematics.ratio
             size = self.unbalance_scale * wheel.unbalance * (float(speed) * self.omega_n) ** 2
-            turn = size * np.exp(1j * (self._kinematics.turned[wheel.name] + wheel.unbalance_angle))
+            turn = size * np.exp(1j * (self._kinematics.start_angles[wheel.name] + wheel.unbalance_angle))
             direction = 1.0 if speed > 0 else -1.0
             x, y = (scale * self._assembled({wheel.name: np.eye(6)[axis]}) for axis in (0, 1))
             order = abs(int(speed))
             cosine, sine = turn.real * x + turn.imag * y, direction * (turn.real * y - turn.imag * x)
-            found.append(Load(cosine={order: cosine}, sine={order: sine}, power=2))
-        return found
+            loads.append(Load(cosine={order: cosine}, sine={order: sine}, power=2))
+        return loads
 
-    def _fluctuations(self, scale: Array, free: Callable[[Array], Array]) -> list[Load]:
-        """Return the load T cos(order theta + phase) of every torque order, theta = turned + omega t."""
-        found = []
+    def _fluctuations(self, scale: Array, remove_rotation: Callable[[Array], Array]) -> list[Load]:
+        """Return the load T cos(order theta + phase) of every torque order, theta = start_angle + omega t."""
+        loads = []
         for wheel in self.wheels:
             if not self.fluctuation_scale or not wheel.torque_orders:
                 continue  # a wheel that does not turn has no angle, and no orders
-            speed, turned = self._kinematics.speeds[wheel.name], self._kinematics.turned[wheel.name]
-            direction = free(scale * self._assembled({wheel.name: np.eye(6)[5]}) * self.fluctuation_scale)
+            speed, start_angle = self._kinematics.speeds[wheel.name], self._kinematics.start_angles[wheel.name]
+            direction = remove_rotation(scale * self._assembled({wheel.name: np.eye(6)[5]}) * self.fluctuation_scale)
             for order, amplitude, phase in wheel.torque_orders:
                 multiple = int(exact_order(wheel.name, order) * abs(speed) / self._kinematics.ratio)
-                angle = (order * turned + phase) * (1 if speed > 0 else -1)
-                found.append(order_load(multiple, amplitude, angle, direction))
-        return found
+                angle = (order * start_angle + phase) * (1 if speed > 0 else -1)
+                loads.append(order_load(multiple, amplitude, angle, direction))
+        return loads

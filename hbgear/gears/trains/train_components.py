@@ -152,11 +152,11 @@ class Wheel:  # numpydoc ignore=PR02
         check("Wheel.of", "gear", gear, Gear)
         if gear.rack:
             raise ValueError("Wheel.of: the gear is a rack, and all wheels of a train turn; use GearPair.model")
-        own = {
+        fields = {
             "inertia": gear.inertia_used, "mass": gear.mass_used, "tilt_inertia": gear.transverse_inertia,
             "teeth": gear.teeth, "base_radius": gear.base_diameter / 2, "internal": gear.internal,
         }  # fmt: skip
-        return cls(name, **{**own, **others})
+        return cls(name, **{**fields, **others})
 
     @property
     def masses(self) -> Array:
@@ -322,8 +322,8 @@ class Bearing:  # numpydoc ignore=PR02
     def dampers(self, masses: Array) -> Array:
         """Return the damping coefficients (6,) for a wheel with these inertias (6,)."""
         c: Array = 2 * self.damping * np.sqrt(self.stiffness * masses)
-        for i, given in enumerate((self.c_x, self.c_y, self.c_z)):
-            c[i] = c[i] if given is None else given
+        for i, damper in enumerate((self.c_x, self.c_y, self.c_z)):
+            c[i] = c[i] if damper is None else damper
         return c
 
 
@@ -418,11 +418,11 @@ class Mesh:  # numpydoc ignore=PR02
             values = amplitudes("Mesh", name, getattr(self, name))
             object.__setattr__(self, name, values)
             object.__setattr__(self, f"{name}_lag", checked_lags("Mesh", name, values, getattr(self, f"{name}_lag")))
-        for name, other in (("stiffness", "eps"), ("error", "e")):
-            given = getattr(self, name)
-            check("Mesh", name, given, Phased | None)
-            if given is not None and getattr(self, other):
-                raise ValueError(f"Mesh: {name} and {other} are both given; keep one")
+        for name, amplitude_name in (("stiffness", "eps"), ("error", "e")):
+            function = getattr(self, name)
+            check("Mesh", name, function, Phased | None)
+            if function is not None and getattr(self, amplitude_name):
+                raise ValueError(f"Mesh: {name} and {amplitude_name} are both given; keep one")
         if self.stiffness is not None:
             checked_contact("Mesh", self.stiffness)
         check("Mesh", "contacts", self.contacts, MeshContacts | None)
@@ -448,22 +448,22 @@ class Mesh:  # numpydoc ignore=PR02
         if pair.wheel.rack:
             raise ValueError("Mesh.of: the wheel is a rack, and all wheels of a train turn; use GearPair.model")
         torque = to_si("Mesh.of", "torque", torque, "N m")
-        found = mesh_model("Mesh.of", pair, torque, mesh, cycle, friction, 1)
+        model = mesh_model("Mesh.of", pair, torque, mesh, cycle, friction, 1)
         c = cos(pair.pinion.base_helix_angle)
-        contacts = found.contacts if found.contacts is None or c == 1 else found.contacts.scaled(1.0, c)
+        contacts = model.contacts if model.contacts is None or c == 1 else model.contacts.scaled(1.0, c)
         if contacts is not None and contacts.sliding is not None:  # its forces are those of the transverse displacement
-            sliding = contacts.sliding.changed(lambda one: one.scaled(c))
+            sliding = contacts.sliding.changed(lambda function: function.scaled(c))
             contacts = replace(contacts, sliding=replace(sliding, cosine=c))
-        error = found.error if found.error is not None and found.error.varies else None
-        own: dict[str, Any] = {
-            "k_mean": found.k_mean / c**2, "half_backlash": pair.half_backlash * c, "stiffness": found.stiffness,
+        error = model.error if model.error is not None and model.error.varies else None
+        fields: dict[str, Any] = {
+            "k_mean": model.k_mean / c**2, "half_backlash": pair.half_backlash * c, "stiffness": model.stiffness,
             "error": None if error is None else error.scaled(c), "contacts": contacts,
             "pressure_angle": pair.working_pressure_angle,
             "helix_angle": pair.pinion.base_helix_angle, "pitch_phase": 2 * pi * pair.pitch_position,
             "thickness": pair.thickness, "damping": damping, "torque": torque,
         }  # fmt: skip
-        made = cls(first, second, **{**own, **others})
-        return replace(made, damping=made.damping * sqrt(found.k_0 / found.k_mean) / c)
+        result = cls(first, second, **{**fields, **others})
+        return replace(result, damping=result.damping * sqrt(model.k_0 / model.k_mean) / c)
 
     @property
     def name(self) -> str:
@@ -473,15 +473,15 @@ class Mesh:  # numpydoc ignore=PR02
     def backward(self) -> Mesh:
         """Return the mesh of a second wheel that drives: all functions of tau run backwards."""
 
-        def back(one: Phased) -> Phased:
-            function: Phased = one.reversed()
-            return function
+        def reverse(function: Phased) -> Phased:
+            backward: Phased = function.reversed()
+            return backward
 
         return replace(
             self, pitch_phase=-self.pitch_phase, eps_lag=tuple(-x for x in self.eps_lag),
-            e_lag=tuple(-x for x in self.e_lag), stiffness=None if self.stiffness is None else back(self.stiffness),
-            error=None if self.error is None else back(self.error),
-            contacts=None if self.contacts is None else self.contacts.changed(back, back),
+            e_lag=tuple(-x for x in self.e_lag), stiffness=None if self.stiffness is None else reverse(self.stiffness),
+            error=None if self.error is None else reverse(self.error),
+            contacts=None if self.contacts is None else self.contacts.changed(reverse, reverse),
         )  # fmt: skip
 
     def stiffness_used(self, scale: float = 1.0) -> Phased:

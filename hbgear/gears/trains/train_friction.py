@@ -1,6 +1,6 @@
 """Friction between the teeth of a train: its directions, and the motion on which it does work.
 
-    across (t, rho_P side) on the first wheel, -(t, ...) on the second one,   slide r_b1 side on both rotations
+    transverse (t, rho_P side) on the first wheel, -(t, ...) on the second one,   slide r_b1 side on both rotations
 
 t is the direction of the surface velocity of the first wheel across the line of action, rho_P = r_b1 tan(alpha) its
 radius of curvature at the pitch point. The mean speeds of all wheels are constant: the part of friction that turns the
@@ -32,21 +32,21 @@ HELD = 1e-9
 
 
 def friction_elements(
-    mesh: Mesh, gap: Element, wheels: Mapping[str, Wheel], found: Kinematics, at: int, onto: Any
+    mesh: Mesh, gap: Element, wheels: Mapping[str, Wheel], kinematics: Kinematics, number: int, onto: Any
 ) -> tuple[Element, ...]:
     """Return the elements of the friction of a mesh in SI directions; none without friction.
 
     Parameters
     ----------
     mesh : Mesh
-        Mesh with number ``at``.
+        Mesh with number ``number``.
     gap : Element
         Its element along the line of action.
     wheels : mapping
         Wheels by name.
-    found : Kinematics
+    kinematics : Kinematics
         Kinematics of the train.
-    at : int
+    number : int
         Number of the mesh.
     onto : callable
         Function that maps vectors (6,) of wheels by name to a dimensionless vector of all coordinates.
@@ -59,22 +59,22 @@ def friction_elements(
     law = gap.law
     if not isinstance(law, MeshContacts) or law.sliding is None:
         return ()
-    first, second, side = wheels[mesh.first], wheels[mesh.second], found.sides[at]
-    w = line_of_action(mesh, side, found.angles[at], first, second)
-    lever = tan(found.angles[at][0])
-    across = np.zeros((2, 6))
-    for row, own in zip(across, w, strict=True):
-        row[:2] = side * np.array([-own[1], own[0]])
-        row[5] = lever * own[5]
-    across /= np.hypot(w[0, 0], w[0, 1])
+    first, second, side = wheels[mesh.first], wheels[mesh.second], kinematics.sides[number]
+    w = line_of_action(mesh, side, kinematics.angles[number], first, second)
+    lever = tan(kinematics.angles[number][0])
+    transverse = np.zeros((2, 6))
+    for row, normal in zip(transverse, w, strict=True):
+        row[:2] = side * np.array([-normal[1], normal[0]])
+        row[5] = lever * normal[5]
+    transverse /= np.hypot(w[0, 0], w[0, 1])
     slide = side * first.base_radius * np.eye(6)[5]
     directions = [
         gap.direction,
-        onto({mesh.first: across[0], mesh.second: across[1]}),
+        onto({mesh.first: transverse[0], mesh.second: transverse[1]}),
         onto({mesh.first: slide, mesh.second: -slide}),
     ]
-    moved = (gap.displacement, Series(), Series())
-    return VectorElement(directions, SlidingTeeth(law), name=f"{mesh.name} friction", displacements=moved)
+    displacements = (gap.displacement, Series(), Series())
+    return VectorElement(directions, SlidingTeeth(law), name=f"{mesh.name} friction", displacements=displacements)
 
 
 def without_rotation(vector: Array, turn: Array, M: Array, K: Array) -> Array:

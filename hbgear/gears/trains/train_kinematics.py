@@ -75,7 +75,7 @@ class Kinematics:
         Phase lag of each mesh in its own tau [rad].
     angles : tuple of tuple of float
         Pressure angle and direction of the line of centres for each mesh [rad].
-    turned : mapping of str to float
+    start_angles : mapping of str to float
         Angle of each turning wheel at tau = 0 [rad].
     forces : tuple of float or None
         Static force of each mesh by the mean torques [N]; None where several meshes share the load.
@@ -88,7 +88,7 @@ class Kinematics:
     backward: tuple[bool, ...]
     lags: tuple[float, ...]
     angles: tuple[tuple[float, float], ...]
-    turned: Mapping[str, float]
+    start_angles: Mapping[str, float]
     forces: tuple[float | None, ...]
 
 
@@ -117,13 +117,13 @@ def kinematics(
     frequencies = [abs(wheels[mesh.first].teeth * speeds[mesh.first]) for mesh in meshes]
     slow = _shaft_frequencies(wheels, speeds)
     slow += [
-        one / mesh.contacts.meshes for one, mesh in zip(frequencies, meshes, strict=True)
+        frequency / mesh.contacts.meshes for frequency, mesh in zip(frequencies, meshes, strict=True)
         if mesh.contacts is not None and mesh.contacts.meshes > 1
     ]  # fmt: skip
     ratio = frequencies[0]
-    for one in (*frequencies, *slow):
-        ratio = common_divisor(ratio, one)
-    orders = tuple(int(one / ratio) for one in frequencies)
+    for frequency in (*frequencies, *slow):
+        ratio = common_divisor(ratio, frequency)
+    orders = tuple(int(frequency / ratio) for frequency in frequencies)
     if max(orders) > MAX_ORDER:
         orders_text = ", ".join(f"{mesh.name} {order}" for mesh, order in zip(meshes, orders, strict=True))
         raise ValueError(
@@ -132,28 +132,30 @@ def kinematics(
             "give tooth counts with a simpler ratio, or fewer wheels with unbalance, torque orders or errors of teeth"
         )
     angles = tuple(_angles(mesh, wheels) for mesh in meshes)
-    pushes, forces = _static_forces(wheels, groups, meshes, speeds)
-    outer = [-1 if wheels[mesh.first].internal else 1 for mesh in meshes]  # sign of the push of the first wheel
-    turning = (pushes[0] or 1) * outer[0] * (-1 if backward else 1)
+    push_signs, forces = _static_forces(wheels, groups, meshes, speeds)
+    outer_signs = [-1 if wheels[mesh.first].internal else 1 for mesh in meshes]  # sign of the push of the first wheel
+    turning = (push_signs[0] or 1) * outer_signs[0] * (-1 if backward else 1)
     signed = {name: turning * speed for name, speed in speeds.items()}
-    forward = [own if signed[mesh.first] > 0 else -own for mesh, own in zip(meshes, outer, strict=True)]
-    sides = ((pushes[0] or 1), *(push or side for push, side in zip(pushes[1:], forward[1:], strict=True)))
-    second = tuple(side != own for side, own in zip(sides, forward, strict=True))
-    running = [mesh.backward() if back else mesh for mesh, back in zip(meshes, second, strict=True)]
-    lags, turned = _lags(wheels, groups, running, signed, sides, angles)
-    return Kinematics(signed, orders, ratio, sides, second, lags, angles, turned, forces)
+    forward = [sign if signed[mesh.first] > 0 else -sign for mesh, sign in zip(meshes, outer_signs, strict=True)]
+    sides = ((push_signs[0] or 1), *(push or side for push, side in zip(push_signs[1:], forward[1:], strict=True)))
+    backward_meshes = tuple(side != sign for side, sign in zip(sides, forward, strict=True))
+    running = [mesh.backward() if back else mesh for mesh, back in zip(meshes, backward_meshes, strict=True)]
+    lags, start_angles = _lags(wheels, groups, running, signed, sides, angles)
+    return Kinematics(signed, orders, ratio, sides, backward_meshes, lags, angles, start_angles, forces)
 
 
 def _shaft_frequencies(wheels: Mapping[str, Wheel], speeds: Mapping[str, Fraction]) -> list[Fraction]:
     """Return the frequencies of unbalances and torque orders over the speed of the first wheel."""
-    found = []
+    frequencies = []
     for name, wheel in wheels.items():
-        what = "an unbalance" if wheel.unbalance else "a torque with orders of its rotation" * bool(wheel.torque_orders)
-        if what and not speeds[name]:
-            raise ValueError(f"'{name}' has {what} and does not turn; join it to a wheel that turns, or omit it")
+        source = (
+            "an unbalance" if wheel.unbalance else "a torque with orders of its rotation" * bool(wheel.torque_orders)
+        )
+        if source and not speeds[name]:
+            raise ValueError(f"'{name}' has {source} and does not turn; join it to a wheel that turns, or omit it")
         orders = [exact_order(name, order) for order, _, _ in wheel.torque_orders]
-        found += [order * abs(speeds[name]) for order in [*orders, *[Fraction(1)] * bool(wheel.unbalance)]]
-    return found
+        frequencies += [order * abs(speeds[name]) for order in [*orders, *[Fraction(1)] * bool(wheel.unbalance)]]
+    return frequencies
 
 
 def _check_gears(mesh: Mesh, wheels: Mapping[str, Wheel]) -> None:
@@ -186,33 +188,33 @@ def _groups(wheels: Mapping[str, Wheel], shafts: Sequence[Joint]) -> dict[str, i
 
 def _speeds(wheels: Mapping[str, Wheel], groups: Mapping[str, int], meshes: Sequence[Mesh]) -> dict[str, Fraction]:
     """Return the speeds over the speed of the first wheel of the first mesh."""
-    known = {groups[meshes[0].first]: Fraction(1)}
+    rotor_speeds = {groups[meshes[0].first]: Fraction(1)}
     pending = list(meshes)
     while pending:
-        at = next((m for m in pending if groups[m.first] in known or groups[m.second] in known), None)
-        if at is None:
+        mesh = next((m for m in pending if groups[m.first] in rotor_speeds or groups[m.second] in rotor_speeds), None)
+        if mesh is None:
             raise ValueError(
                 f"mesh {pending[0].name} does not turn with the first one: join their wheels by a shaft with torsional "
                 "stiffness or by a mesh"
             )
-        pending.remove(at)
-        a, b = at.first, at.second
-        if groups[a] not in known:
+        pending.remove(mesh)
+        a, b = mesh.first, mesh.second
+        if groups[a] not in rotor_speeds:
             a, b = b, a
         sign = 1 if wheels[a].internal or wheels[b].internal else -1
-        speed = sign * known[groups[a]] * Fraction(wheels[a].teeth, wheels[b].teeth)
-        before = known.setdefault(groups[b], speed)
-        if before != speed:
+        speed = sign * rotor_speeds[groups[a]] * Fraction(wheels[a].teeth, wheels[b].teeth)
+        known_speed = rotor_speeds.setdefault(groups[b], speed)
+        if known_speed != speed:
             raise ValueError(
-                f"the train is locked: by mesh {at.name} '{b}' would turn {float(speed):g} times as fast as "
-                f"'{meshes[0].first}', by the others {float(before):g} times; check teeth and shafts"
+                f"the train is locked: by mesh {mesh.name} '{b}' would turn {float(speed):g} times as fast as "
+                f"'{meshes[0].first}', by the others {float(known_speed):g} times; check teeth and shafts"
             )
     for name, wheel in wheels.items():
-        if wheel.held and groups[name] in known:
+        if wheel.held and groups[name] in rotor_speeds:
             raise ValueError(
                 f"'{name}' is held, so nothing that meshes with it can turn; for planets, see PlanetarySet"
             )
-    return {name: known.get(groups[name], Fraction(0)) for name in wheels}
+    return {name: rotor_speeds.get(groups[name], Fraction(0)) for name in wheels}
 
 
 def _angles(mesh: Mesh, wheels: Mapping[str, Wheel]) -> tuple[float, float]:
@@ -269,10 +271,10 @@ def _static_forces(
         )
     forces = np.linalg.lstsq(A, torque, rcond=None)[0]
     forces[np.abs(forces) <= 1e-9 * np.abs(forces).max(initial=0.0)] = 0.0
-    free = scipy.linalg.null_space(A)  # forces that add up to no torque
-    known = [None if len(row) and np.abs(row).max(initial=0.0) > 1e-9 else abs(force)
-             for row, force in zip(free, forces.tolist(), strict=True)]  # fmt: skip
-    return tuple(np.sign(forces).astype(int).tolist()), tuple(known)
+    null_space = scipy.linalg.null_space(A)  # forces that add up to no torque
+    determinate = [None if len(row) and np.abs(row).max(initial=0.0) > 1e-9 else abs(force)
+                   for row, force in zip(null_space, forces.tolist(), strict=True)]  # fmt: skip
+    return tuple(np.sign(forces).astype(int).tolist()), tuple(determinate)
 
 
 def _lags(
@@ -283,7 +285,7 @@ def _lags(
 
     A lag is between zero and the period of the mesh, which is longer than 2 pi with errors of single teeth.
     """
-    at: dict[int, float] = {}  # angle of each rotor at tau = 0
+    rotor_angles: dict[int, float] = {}  # angle of each rotor at tau = 0
     lags: dict[int, float] = {}
     periods = [2 * pi * (1 if mesh.contacts is None else mesh.contacts.meshes) for mesh in meshes]
 
@@ -294,19 +296,21 @@ def _lags(
         """Store the lag of mesh j and the angles of its rotors."""
         lags[j] = (-phase - meshes[j].pitch_phase) % periods[j]
         for name in (meshes[j].first, meshes[j].second):
-            z, there = mesh_position(j, name)
-            at.setdefault(groups[name], there + phase / z)
+            z, tooth_angle = mesh_position(j, name)
+            rotor_angles.setdefault(groups[name], tooth_angle + phase / z)
 
     record_mesh(0, -meshes[0].pitch_phase)
     while len(lags) < len(meshes):
         for j, mesh in enumerate(meshes):
-            known = next((name for name in (mesh.first, mesh.second) if groups[name] in at), None)
-            if j not in lags and known:
-                z, there = mesh_position(j, known)
-                record_mesh(j, z * (at[groups[known]] - there))
-    given = [lags[j] if mesh.lag is None else mesh.lag for j, mesh in enumerate(meshes)]
-    turned = {name: at[group] for name, group in groups.items() if group in at}
-    return tuple(0.0 if abs(lag - period) < 1e-9 else lag for lag, period in zip(given, periods, strict=True)), turned
+            known_name = next((name for name in (mesh.first, mesh.second) if groups[name] in rotor_angles), None)
+            if j not in lags and known_name:
+                z, tooth_angle = mesh_position(j, known_name)
+                record_mesh(j, z * (rotor_angles[groups[known_name]] - tooth_angle))
+    used_lags = [lags[j] if mesh.lag is None else mesh.lag for j, mesh in enumerate(meshes)]
+    start_angles = {name: rotor_angles[group] for name, group in groups.items() if group in rotor_angles}
+    return tuple(
+        0.0 if abs(lag - period) < 1e-9 else lag for lag, period in zip(used_lags, periods, strict=True)
+    ), start_angles
 
 
 def _mesh_position(
@@ -321,18 +325,18 @@ def _mesh_position(
     return turn * wheel.teeth, alpha - wheel.angle - pushes * half
 
 
-def phase_mismatch(wheels: Mapping[str, Wheel], meshes: Sequence[Mesh], found: Kinematics) -> list[float]:
+def phase_mismatch(wheels: Mapping[str, Wheel], meshes: Sequence[Mesh], motion: Kinematics) -> list[float]:
     """Return the difference of the phases of each mesh by its two wheels [mesh periods], between -1/2 and 1/2.
 
     It is zero except for a mesh that closes a loop of wheels whose positions are given, such as planets.
     """
-    out = []
-    for mesh, side, (_, phi) in zip(meshes, found.sides, found.angles, strict=True):
-        ends = [(*_mesh_position(mesh, name, wheels, found.speeds, side, phi), found.turned[name])
+    mismatches = []
+    for mesh, side, (_, phi) in zip(meshes, motion.sides, motion.angles, strict=True):
+        ends = [(*_mesh_position(mesh, name, wheels, motion.speeds, side, phi), motion.start_angles[name])
                 for name in (mesh.first, mesh.second)]  # fmt: skip
-        first, second = (z * (at - there) / (2 * pi) for z, there, at in ends)
-        out.append((first - second + 0.5) % 1.0 - 0.5)
-    return out
+        first, second = (z * (rotor_angle - tooth_angle) / (2 * pi) for z, tooth_angle, rotor_angle in ends)
+        mismatches.append((first - second + 0.5) % 1.0 - 0.5)
+    return mismatches
 
 
 def line_of_action(mesh: Mesh, side: int, angles: tuple[float, float], outer: Wheel, inner: Wheel) -> np.ndarray:
@@ -345,8 +349,8 @@ def line_of_action(mesh: Mesh, side: int, angles: tuple[float, float], outer: Wh
     """
     alpha, phi = angles
     c, s = cos(mesh.helix_angle), -side * sin(mesh.helix_angle)
-    along, across = sin(alpha), side * cos(alpha)
-    n = np.array([cos(phi) * along - sin(phi) * across, sin(phi) * along + cos(phi) * across])
+    along, transverse = sin(alpha), side * cos(alpha)
+    n = np.array([cos(phi) * along - sin(phi) * transverse, sin(phi) * along + cos(phi) * transverse])
     m = side * np.array([n[1], -n[0]])
     directions = []
     for sign, arm in ((1.0, outer.base_radius), (-1.0, inner.base_radius if inner.internal else -inner.base_radius)):
