@@ -9,7 +9,7 @@ from hbgear.harmonic.harmonic_balance import HarmonicBalance
 
 
 def bounds_of(
-    problem: HarmonicBalance, name: str, given: Sequence[float] | None, factors: tuple[float, float], what: str
+    problem: HarmonicBalance, name: str, bounds: Sequence[float] | None, factors: tuple[float, float], caller: str
 ) -> tuple[float, float]:
     """Return the lower and the upper bound of a parameter in a search.
 
@@ -40,13 +40,13 @@ def bounds_of(
     """
     problem.check_parameter(name)
     if name == "Omega":
-        raise ValueError(f"{what}: Omega is the frequency; give parameters of the model")
-    own, allowed = (problem.model.parameters | problem.model.entries)[name], problem.range_of(name)
-    if given is None:
-        if not own:
-            raise ValueError(f"{what}: {name} is 0 in the model, so give its bounds: {{'{name}': (low, high)}}")
-        given = sorted(allowed.clipped(own * factor, own) for factor in factors)
-    low, high = (float(end) for end in given)
+        raise ValueError(f"{caller}: Omega is the frequency; give parameters of the model")
+    nominal, allowed = (problem.model.parameters | problem.model.entries)[name], problem.range_of(name)
+    if bounds is None:
+        if not nominal:
+            raise ValueError(f"{caller}: {name} is 0 in the model, so give its bounds: {{'{name}': (low, high)}}")
+        bounds = sorted(allowed.clipped(nominal * factor, nominal) for factor in factors)
+    low, high = (float(end) for end in bounds)
     if not low < high or low not in allowed or high not in allowed:
-        raise ValueError(f"{what}: bounds of {name} = {quoted(tuple(given))} must ascend, and {allowed}")
+        raise ValueError(f"{caller}: bounds of {name} = {quoted(tuple(bounds))} must ascend, and {allowed}")
     return low, high

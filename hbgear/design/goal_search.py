@@ -160,7 +160,7 @@ class _Relocated:
     amplitude: float
     amplitude_slopes: dict[str, float]
 
-    def moved(self, deviations: Mapping[str, float]) -> _Relocated:
+    def linearized(self, deviations: Mapping[str, float]) -> _Relocated:
         """Return the cusp or peak with other deviations, to first order."""
         value, amplitude = (
             base + sum(slopes.get(name, 0.0) * x for name, x in deviations.items())
@@ -199,8 +199,8 @@ class Slack:
     @property
     def excess(self) -> Array:
         """Smallest c less the required c, of the design and the sample (S,)."""
-        least: Array = (self.c - self.required[:, None]).min(axis=0)
-        return least
+        smallest: Array = (self.c - self.required[:, None]).min(axis=0)
+        return smallest
 
     @property
     def shortfall(self) -> float:
@@ -211,7 +211,7 @@ class Slack:
         """Return the shortfall after a step, to first order."""
         return -float((self.c + self.slopes @ step - self.required[:, None]).min())
 
-    def kept(self, share: float) -> Slack:
+    def closest_to_goal(self, share: float) -> Slack:
         """Return the design and a share of the sample, the ones closest to the goal."""
         excess = self.excess[1:]
         count = math.ceil(share * len(excess) - 1e-9)
@@ -223,10 +223,10 @@ class Search:
     """Search with steps to the nearest point of the linearized goal."""
 
     def __init__(
-        self, problem: HarmonicBalance, goal: Goal, names: tuple[str, ...], own: Array, span: tuple[float, float],
+        self, problem: HarmonicBalance, goal: Goal, names: tuple[str, ...], nominal: Array, span: tuple[float, float],
         spread: Spread, progress: ProgressCallback | None,
     ) -> None:  # fmt: skip
-        self.problem, self.goal, self.names, self.own, self.span = problem, goal, names, own, span
+        self.problem, self.goal, self.names, self.nominal, self.span = problem, goal, names, nominal, span
         self.spread, self.progress = spread, progress
         self.start = problem.model.parameters | problem.model.entries
         self.steps = 0
@@ -237,17 +237,17 @@ class Search:
 
     def values(self, u: Array, deviations: Mapping[str, float] | None = None) -> dict[str, float]:
         """Return the values of the parameters at relative changes, with added deviations."""
-        out = {name: float(a * (1.0 + x)) for name, a, x in zip(self.names, self.own, u, strict=True)}
+        result = {name: float(a * (1.0 + x)) for name, a, x in zip(self.names, self.nominal, u, strict=True)}
         for name, deviation in (deviations or {}).items():
-            out[name] = out.get(name, self.start[name]) + deviation
-        return out
+            result[name] = result.get(name, self.start[name]) + deviation
+        return result
 
     def balance(self, u: Array, deviations: Mapping[str, float] | None = None) -> HarmonicBalance:
         """Return the problem of the model at relative changes, with added deviations."""
-        old = self.problem
+        base = self.problem
         return HarmonicBalance(
-            old.model.replace(**self.values(u, deviations)), old.H, old.N, nu=old.nu, sampled=old.is_sampled,
-            reduce=old.reduce, orders=old.selection,
+            base.model.replace(**self.values(u, deviations)), base.H, base.N, nu=base.nu, sampled=base.is_sampled,
+            reduce=base.reduce, orders=base.selection,
         )  # fmt: skip
 
     def run(self, u: Array, low: Array, high: Array) -> Array:
@@ -299,47 +299,47 @@ class Search:
         slack = self._slack(u)
         if slack is None:
             return None
-        slack = slack.kept(self.spread.share)
+        slack = slack.closest_to_goal(self.spread.share)
         if self.progress is not None:
             text = ", ".join(f"{name} = {value:.5g}" for name, value in self.values(u).items())
             self.progress(Progress(math.nan, f"{text}: {-slack.shortfall:+.3g}"))
         return slack
 
     def _slack(self, u: Array) -> Slack | None:
-        return self._of_cusps(u) if self.goal.kind == "no jumps" else self._of_peaks(u)
+        return self._cusp_slack(u) if self.goal.kind == "no jumps" else self._peak_slack(u)
 
-    def _of_cusps(self, u: Array) -> Slack | None:
+    def _cusp_slack(self, u: Array) -> Slack | None:
         """Return the slack beyond all cusps known, or None without any.
 
         A removed jump leaves others, and its cusp must stay removed: otherwise the search could alternate between two
         cusps. Cusps are searched if none is known, or none of them can be relocated.
         """
-        found = self._relocated_cusps(u)
-        if not found and self._add_cusps(u):
-            found = self._relocated_cusps(u)
-        return self._slack_of(found) if found else None
+        constraints = self._relocated_cusps(u)
+        if not constraints and self._add_cusps(u):
+            constraints = self._relocated_cusps(u)
+        return self._assembled_slack(constraints) if constraints else None
 
     def _relocated_cusps(self, u: Array) -> list[list[_Constraint]]:
         """Return the constraints of all cusps; cusps that are not found for this design are dropped."""
-        kept: list[Cusp] = []
-        out: list[list[_Constraint]] = []
+        relocated: list[Cusp] = []
+        constraints: list[list[_Constraint]] = []
         for cusp in self.cusps:
             with suppress(NoConvergence, ValueError, np.linalg.LinAlgError):
-                out.append(self._constraints(cusp, u))
-                kept.append(cusp)
-        self.cusps = kept
-        return out
+                constraints.append(self._constraints(cusp, u))
+                relocated.append(cusp)
+        self.cusps = relocated
+        return constraints
 
     def _constraints(self, cusp: Cusp, u: Array) -> list[_Constraint]:
         """Return the distance beyond a cusp in its parameter for the design and each deviation of the sample."""
-        name, own = cusp.name, self.start[cusp.name]
-        value, unit = self.values(u).get(name, own), cusp.side / abs(own)
+        name, nominal = cusp.name, self.start[cusp.name]
+        value, unit = self.values(u).get(name, nominal), cusp.side / abs(nominal)
 
-        def constraint(at: _Relocated) -> _Constraint:
-            rates = {name: unit, **{other: -unit * slope for other, slope in at.slopes.items()}}
-            return unit * (value + at.deviations.get(name, 0.0) - at.value), rates
+        def constraint(relocated: _Relocated) -> _Constraint:
+            rates = {name: unit, **{parameter: -unit * slope for parameter, slope in relocated.slopes.items()}}
+            return unit * (value + relocated.deviations.get(name, 0.0) - relocated.value), rates
 
-        return [constraint(at) for at in self._relocated(cusp.point, name, cusp.start, u)]
+        return [constraint(relocated) for relocated in self._relocated(cusp.point, name, cusp.start, u)]
 
     def _add_cusps(self, u: Array) -> bool:
         """Search the cusps of the design in the named parameter, or in the first parameter that has one.
@@ -348,53 +348,55 @@ class Search:
         """
         if self.goal.kind != "no jumps" or any(not (cusp.start - u).any() for cusp in self.cusps):
             return False
-        problem, known = self.balance(u), len(self.cusps)
+        problem, old_count = self.balance(u), len(self.cusps)
         for name in [self.goal.parameter] if self.goal.parameter else self.names:
             with suppress(NoFoldError, NoConvergence):
-                found = list(find_cusps(problem, name, self.span))
-                nearest = [cusp for i, cusp in enumerate(found) if not i or cusp.folds is not found[i - 1].folds]
+                cusps = list(find_cusps(problem, name, self.span))
+                nearest = [cusp for i, cusp in enumerate(cusps) if not i or cusp.folds is not cusps[i - 1].folds]
                 for cusp in nearest:  # of each fold curve; those behind it matter once its jump is removed
                     self._add(Cusp(name, 1.0 if cusp.jump_below else -1.0, cusp.point, u))
                 break
-        return len(self.cusps) > known
+        return len(self.cusps) > old_count
 
     def _add(self, cusp: Cusp) -> None:
         """Append a cusp unless a known one has the same value for its design."""
         value = cusp.point.parameters[cusp.name]
-        for known in self.cusps:
-            if known.name == cusp.name and known.side == cusp.side:
+        for other in self.cusps:
+            if other.name == cusp.name and other.side == cusp.side:
                 with suppress(NoConvergence, ValueError, np.linalg.LinAlgError):
-                    at = self._relocated(known.point, known.name, known.start, cusp.start)[0]
-                    if abs(at.value - value) <= SAME_CUSP * abs(value):
+                    relocated = self._relocated(other.point, other.name, other.start, cusp.start)[0]
+                    if abs(relocated.value - value) <= SAME_CUSP * abs(value):
                         return
         self.cusps.append(cusp)
 
-    def _of_peaks(self, u: Array) -> Slack:
+    def _peak_slack(self, u: Array) -> Slack:
         """Return the slack of the highest peaks and of the ends of the span below the limit, relative to it.
 
         Lower ones than the highest one count, because a change may exchange them.
         """
         problem, goal = self.balance(u), self.goal
         curve = raise_if_interrupted(trace(problem, "Omega", self.span, accuracy=None, stability=False, special=False))
-        every = curve.curves
-        unbounded = [Omega for one in every for Omega in one.asymptotes.values()]
+        curves = curve.curves
+        unbounded = [Omega for c in curves for Omega in c.asymptotes.values()]
         if unbounded:
             raise ValueError(
                 f"redesign: motions grow without bound towards Omega = {unbounded[0]:.6g}, so that {goal.measure} has "
                 "no highest peak; start from a design with bounded motions, such as one with more damping"
             )
         tops: list[Point] = [
-            top for one in every for top in peaks(one, goal.measure, goal.element, share=SHARE_OF_PEAKS, accuracy=None)
+            top for c in curves for top in peaks(c, goal.measure, goal.element, share=SHARE_OF_PEAKS, accuracy=None)
         ]  # fmt: skip
-        tops += [one[i] for one in every for i in (0, -1) if one.values[i] in self.span]
+        tops += [c[i] for c in curves for i in (0, -1) if c.values[i] in self.span]
 
-        def constraint(at: _Relocated) -> _Constraint:
-            rates = {name: -rate / goal.limit for name, rate in at.amplitude_slopes.items()}
-            return 1.0 - at.amplitude / goal.limit, rates
+        def constraint(relocated: _Relocated) -> _Constraint:
+            rates = {name: -rate / goal.limit for name, rate in relocated.amplitude_slopes.items()}
+            return 1.0 - relocated.amplitude / goal.limit, rates
 
         heights = [top.amplitude(goal.measure, goal.element) for top in tops]
         high = [top for top, height in zip(tops, heights, strict=True) if height >= SHARE_OF_PEAKS * max(heights)]
-        return self._slack_of([[constraint(at) for at in self._relocated(top, "Omega", u, u)] for top in high])
+        return self._assembled_slack(
+            [[constraint(relocated) for relocated in self._relocated(top, "Omega", u, u)] for top in high]
+        )
 
     def _relocated(self, point: Point, parameter: str, start: Array, u: Array) -> list[_Relocated]:
         """Return the special point, or the motion at an end of the span, at u and for each deviation of the sample.
@@ -402,26 +404,26 @@ class Search:
         ``start`` are the relative changes of the design of ``point``. A deviation for which the point is not found has
         its first-order estimate.
         """
-        every = (*self.names, *self.spread.deviations, *self.spread.names)
-        names = [name for name in dict.fromkeys(every) if name != parameter]
-        again = (RelocatedPoint if isinstance(point, SpecialPoint) else RelocatedMotion)(point, names)
+        all_names = (*self.names, *self.spread.deviations, *self.spread.names)
+        names = [name for name in dict.fromkeys(all_names) if name != parameter]
+        mover = (RelocatedPoint if isinstance(point, SpecialPoint) else RelocatedMotion)(point, names)
         old, new = self.values(start), self.values(u)
         changes = {name: new[name] - old[name] for name in new}
-        first = self._at(again, point, names, changes, {})
-        out = [first]
+        first = self._relocated_at(mover, point, names, changes, {})
+        points = [first]
         for deviations in self.spread.sample:
             try:
-                out.append(self._at(again, point, names, changes, deviations))
+                points.append(self._relocated_at(mover, point, names, changes, deviations))
             except (NoConvergence, ValueError, np.linalg.LinAlgError):
-                out.append(first.moved(deviations))
-        return out
+                points.append(first.linearized(deviations))
+        return points
 
-    def _at(
-        self, again: RelocatedPoint | RelocatedMotion, point: Point, names: Sequence[str], changes: Mapping[str, float],
+    def _relocated_at(
+        self, mover: RelocatedPoint | RelocatedMotion, point: Point, names: Sequence[str], changes: Mapping[str, float],
         deviations: Mapping[str, float],
     ) -> _Relocated:  # fmt: skip
-        U, here = again.solved(np.array([changes.get(name, 0.0) + deviations.get(name, 0.0) for name in names]))
-        slopes, layout, goal = again.slopes(U, here), point.layout, self.goal
+        U, resolved = mover.solved(np.array([changes.get(name, 0.0) + deviations.get(name, 0.0) for name in names]))
+        slopes, layout, goal = mover.slopes(U, resolved), point.layout, self.goal
         assert isinstance(layout, Layout)
         X, along = U[None, : layout.width], slopes.X[None, :, : layout.width]
         size = float(layout.measure(goal.measure, X[0], goal.element))
@@ -431,15 +433,15 @@ class Search:
             dict(zip(names, rates.tolist(), strict=True)),
         )  # fmt: skip
 
-    def _slack_of(self, found: Sequence[Sequence[_Constraint]]) -> Slack:
+    def _assembled_slack(self, rows: Sequence[Sequence[_Constraint]]) -> Slack:
         """Return the slack with derivatives by the relative changes and the reserve for the scatter."""
 
         def reserve(rates: Mapping[str, float]) -> float:
             return self.spread.sigmas * math.hypot(*(rates[name] * s for name, s in self.spread.deviations.items()))
 
-        slopes = np.array([[[rates[name] for name in self.names] for _, rates in row] for row in found]) * self.own
-        required = [max(GOAL_MARGIN, self.goal.margin) + reserve(row[0][1]) for row in found]
-        return Slack(np.array([[c for c, _ in row] for row in found]), slopes, np.array(required))
+        slopes = np.array([[[rates[name] for name in self.names] for _, rates in row] for row in rows]) * self.nominal
+        required = [max(GOAL_MARGIN, self.goal.margin) + reserve(row[0][1]) for row in rows]
+        return Slack(np.array([[c for c, _ in row] for row in rows]), slopes, np.array(required))
 
 
 def _rating(slack: Slack, u: Array) -> tuple[float, float]:
@@ -468,15 +470,15 @@ def smallest_change(slack: Slack, u: Array, low: Array, high: Array) -> Array:
 
     n = len(u)
     slopes = slack.slopes.reshape(-1, n)
-    least = (slack.required[:, None] - slack.c).ravel() + slopes @ u
-    lowered = np.append(np.zeros(n), 1.0)
-    relaxed = linprog(lowered, np.column_stack([-slopes, -np.ones(len(slopes))]), -least,
+    required = (slack.required[:, None] - slack.c).ravel() + slopes @ u
+    unit = np.append(np.zeros(n), 1.0)
+    relaxed = linprog(unit, np.column_stack([-slopes, -np.ones(len(slopes))]), -required,
                       bounds=[*zip(low, high, strict=True), (0.0, None)])  # fmt: skip
     G = np.concatenate([slopes, np.eye(n), -np.eye(n)])
-    h = np.concatenate([least - relaxed.x[n], low, -high])
+    h = np.concatenate([required - relaxed.x[n], low, -high])
     size = np.linalg.norm(G, axis=1)
     E = np.vstack([G.T, h]) / np.where(size, size, 1.0)
-    y = lsq_linear(E, lowered, (0.0, np.inf), "bvls", tol=1e-15, max_iter=100 * len(h)).x
-    r = E @ y - lowered
+    y = lsq_linear(E, unit, (0.0, np.inf), "bvls", tol=1e-15, max_iter=100 * len(h)).x
+    r = E @ y - unit
     nearest = -r[:n] / r[n] if -r[n] > 1e-10 else relaxed.x[:n]
     return np.asarray(np.clip(nearest, low, high))

@@ -221,16 +221,19 @@ def _bounds(
             raise ValueError(f"redesign: {name} is not among the parameters that may change: {', '.join(names)}")
     values, low, high = problem.model.parameters | problem.model.entries, [], []
     for name in names:
-        own, ends = values.get(name, 0.0), bounds_of(problem, name, within.get(name), DEFAULT_BOUND_FACTORS, "redesign")
-        if not own:
+        value, ends = (
+            values.get(name, 0.0),
+            bounds_of(problem, name, within.get(name), DEFAULT_BOUND_FACTORS, "redesign"),
+        )
+        if not value:
             raise ValueError(
                 f"redesign: {name} is 0 in the model, so a relative change is not defined; give it a nonzero value"
             )
-        if not ends[0] <= own <= ends[1]:
-            raise ValueError(f"redesign: bounds of {name} = {quoted(ends)} must contain its value {own:g}")
-        sides = sorted(end / own - 1.0 for end in ends)
-        low.append(sides[0])
-        high.append(sides[1])
+        if not ends[0] <= value <= ends[1]:
+            raise ValueError(f"redesign: bounds of {name} = {quoted(ends)} must contain its value {value:g}")
+        changes = sorted(end / value - 1.0 for end in ends)
+        low.append(changes[0])
+        high.append(changes[1])
     return names, np.array([values[name] for name in names]), np.array(low), np.array(high)
 
 
@@ -253,20 +256,20 @@ def _spread(
     return Spread(dict(scatter), sigmas, sample, share)
 
 
-def _result(search: Search, u: Array, ending: Termination, known: Branch | None) -> Redesign:
+def _result(search: Search, u: Array, ending: Termination, known_curve: Branch | None) -> Redesign:
     """Return the result, verified by a trace unless the curve of the design, without jumps, is known."""
     spread = search.spread
-    curve, missed = _traced_shortfall(search, u, {}) if known is None else (known, 0.0)
-    each = [_traced_shortfall(search, u, deviations)[1] for deviations in spread.sample]
-    share = float(np.mean([miss == 0 for miss in each])) if each else math.nan
-    too_few = bool(each) and share < spread.share - 1e-9
+    curve, missed = _traced_shortfall(search, u, {}) if known_curve is None else (known_curve, 0.0)
+    shortfalls = [_traced_shortfall(search, u, deviations)[1] for deviations in spread.sample]
+    share = float(np.mean([miss == 0 for miss in shortfalls])) if shortfalls else math.nan
+    sample_fails = bool(shortfalls) and share < spread.share - 1e-9
     short = missed
-    if too_few:
-        short = max(missed, sorted(each)[math.ceil(spread.share * len(each) - 1e-9) - 1])
-    reached = curve.status.complete and not missed and not too_few
+    if sample_fails:
+        short = max(missed, sorted(shortfalls)[math.ceil(spread.share * len(shortfalls) - 1e-9) - 1])
+    reached = curve.status.complete and not missed and not sample_fails
     if not reached and ending.error is None:
-        of = f" in {1 - share:.0%} of the sample" if too_few and not missed else ""
-        text = f"{search.message}; the goal is not reached: {_shortfall_text(search, short)}{of}"
+        extent = f" in {1 - share:.0%} of the sample" if sample_fails and not missed else ""
+        text = f"{search.message}; the goal is not reached: {_shortfall_text(search, short)}{extent}"
         if math.isnan(short):
             text = f"jumps remain, and no value of {', '.join(search.names)} was found at which one vanishes"
         ending.record_end(ending.status, text)
@@ -280,8 +283,8 @@ def _shortfall_text(search: Search, short: float) -> str:
     """Return the shortfall as a text."""
     if search.goal.kind != "no jumps":
         return "motions grow without bound" if math.isinf(short) else f"the highest peak is {short:.2%} above the limit"
-    more = f": {search.cusps[0].name} would have to change by {short:.2%} more" if search.cusps else ""
-    return f"jumps remain{more}"
+    needed = f": {search.cusps[0].name} would have to change by {short:.2%} more" if search.cusps else ""
+    return f"jumps remain{needed}"
 
 
 def _traced_shortfall(search: Search, u: Array, deviations: Mapping[str, float]) -> tuple[Branch, float]:
@@ -294,9 +297,9 @@ def _traced_shortfall(search: Search, u: Array, deviations: Mapping[str, float])
         warnings.simplefilter("ignore", ImplausibleInputWarning)
         curve = trace(search.balance(u, deviations), "Omega", search.span, stability=goal.kind == "no jumps")
         if goal.kind != "no jumps":
-            every = curve.curves
-            top = max(one.amplitude(goal.measure, goal.element).max() for one in every)
-            top = math.inf if any(one.asymptotes for one in every) else float(top)
+            curves = curve.curves
+            top = max(part.amplitude(goal.measure, goal.element).max() for part in curves)
+            top = math.inf if any(part.asymptotes for part in curves) else float(top)
             return curve, max(0.0, top / goal.limit - 1.0)
         jumps = _jumps(curve)
         for name, side in {(cusp.name, cusp.side) for cusp in search.cusps} if goal.margin else ():
@@ -309,4 +312,4 @@ def _traced_shortfall(search: Search, u: Array, deviations: Mapping[str, float])
 
 def _jumps(curve: Branch) -> bool:
     """Return whether there are jumps, or folds that could cause jumps."""
-    return any(one.jumps() or any(point.kind == "LP" for point in one.special) for one in curve.curves)
+    return any(part.jumps() or any(point.kind == "LP" for point in part.special) for part in curve.curves)

@@ -121,8 +121,8 @@ class Fit:
     message: str
 
     def __repr__(self) -> str:
-        found = ", ".join(f"{name} = {self.values[name]:.6g} +- {self.errors[name]:.2g}" for name in self.names)
-        return f"<Fit of {len(self.data)} points: {found}, {self.status}>"
+        values_text = ", ".join(f"{name} = {self.values[name]:.6g} +- {self.errors[name]:.2g}" for name in self.names)
+        return f"<Fit of {len(self.data)} points: {values_text}, {self.status}>"
 
     @property
     def reached(self) -> Array:
@@ -203,7 +203,7 @@ def fit(
     problem.require_fixed_resolution("fit")
     counted("fit: starts", starts, 1000)
     counted("fit: seed", seed, least=0)
-    names, low, high, own = _bounds(problem, free)
+    names, low, high, nominal = _bounds(problem, free)
     if len(names) > len(data) + len(data.jumps):
         raise ValueError(
             f"fit: {len(names)} parameters from {len(data) + len(data.jumps)} measured numbers; give more data or "
@@ -213,8 +213,8 @@ def fit(
     search = FitSearch(problem, data, names, span, progress)
     ending, estimate = Termination(), None
     try:
-        followed = search.run(own, low, high, starts, seed)
-        search.restore(own, low, high)
+        followed = search.run(nominal, low, high, starts, seed)
+        search.restore(nominal, low, high)
         assert search.best is not None
         estimate = _estimate(search.best, data, low, high)
         estimate.profile_errors = profile_interval(
@@ -235,17 +235,17 @@ def _bounds(
     problem: HarmonicBalance, free: Mapping[str, tuple[float, float] | None] | Sequence[str]
 ) -> tuple[tuple[str, ...], Array, Array, Array]:
     """Return names, lower and upper bounds and the values of the model for the parameters to estimate."""
-    given = dict(free) if isinstance(free, Mapping) else dict.fromkeys(free)
-    if not given:
+    bounds_by_name = dict(free) if isinstance(free, Mapping) else dict.fromkeys(free)
+    if not bounds_by_name:
         raise ValueError("fit: name at least one parameter, such as free=['zeta']")
     ends = np.array(
         [
             bounds_of(problem, name, bounds, (1 / DEFAULT_BOUND_FACTOR, DEFAULT_BOUND_FACTOR), "fit")
-            for name, bounds in given.items()
+            for name, bounds in bounds_by_name.items()
         ]
     ).T
     values = problem.model.parameters | problem.model.entries
-    return tuple(given), ends[0], ends[1], np.clip([values[name] for name in given], ends[0], ends[1])
+    return tuple(bounds_by_name), ends[0], ends[1], np.clip([values[name] for name in bounds_by_name], ends[0], ends[1])
 
 
 def _span(model: Model, data: Measurements) -> tuple[float, float]:
@@ -253,8 +253,8 @@ def _span(model: Model, data: Measurements) -> tuple[float, float]:
 
     A `ValueError` is raised if the unit of the frequencies is probably wrong.
     """
-    own = scales(model, {})
-    if data.unit != "Omega" and data.unit not in own:
+    units = scales(model, {})
+    if data.unit != "Omega" and data.unit not in units:
         raise ValueError(
             f"the data are in {data.unit}, and {type(model).__name__} does not know its units; give frequencies as "
             "Omega"
@@ -264,15 +264,16 @@ def _span(model: Model, data: Measurements) -> tuple[float, float]:
             f"the data are in {data.length}, and {type(model).__name__} does not know its unit of length; give "
             "amplitudes in the unit of the model"
         )
-    every = np.concatenate([data.frequency, [jump[0] for jump in data.jumps]]) / own.get(data.unit, 1.0)
+    measured = np.concatenate([data.frequency, [jump[0] for jump in data.jumps]]) / units.get(data.unit, 1.0)
     typical = float(np.mean(model.default_span))
-    ratio = float(np.median(every)) / typical
+    ratio = float(np.median(measured)) / typical
     if not 1 / UNIT_ERROR_RATIO < ratio < UNIT_ERROR_RATIO:
         raise ValueError(
-            f"the measured frequencies are near Omega = {np.median(every):.3g} and the frequencies of the model near "
-            f"{typical:.3g}: the unit {data.unit} is probably wrong; give unit='mesh Hz', 'pinion r/min' or 'Omega'"
+            f"the measured frequencies are near Omega = {np.median(measured):.3g} and the frequencies of the model "
+            f"near {typical:.3g}: the unit {data.unit} is probably wrong; give unit='mesh Hz', 'pinion r/min' or "
+            "'Omega'"
         )
-    return 1.2 * float(every.max()), float(every.min()) / 1.2
+    return 1.2 * float(measured.max()), float(measured.min()) / 1.2
 
 
 @dataclass
@@ -332,21 +333,21 @@ def _covariance(J: Array, names: tuple[str, ...]) -> tuple[Array, list[str]]:
     messages = []
     size = np.linalg.norm(J, axis=0)
     without_effect = is_without_effect(J)
-    out = np.full((len(names), len(names)), math.nan)
+    covariance = np.full((len(names), len(names)), math.nan)
     messages += [f"{name} has no effect on the data" for name, none in zip(names, without_effect, strict=True) if none]
     effective = np.flatnonzero(~without_effect)
     if not effective.size:
-        return out, messages
+        return covariance, messages
     s, vt = np.linalg.svd(J[:, effective] / size[effective], full_matrices=False)[1:]
     undetermined = s <= 1e-7 * s[0]
     if undetermined.any():
         combined = effective[np.abs(vt[undetermined]).max(axis=0) > 0.1]
         messages.append(f"{', '.join(names[i] for i in combined)} cannot be distinguished with these data")
     inverse = (vt[~undetermined].T / s[~undetermined] ** 2) @ vt[~undetermined]
-    lost = np.abs(vt[undetermined]).max(axis=0, initial=0.0) > 0.1
-    inverse[lost, :] = inverse[:, lost] = math.nan
-    out[np.ix_(effective, effective)] = inverse / np.outer(size[effective], size[effective])
-    return out, messages
+    indeterminate = np.abs(vt[undetermined]).max(axis=0, initial=0.0) > 0.1
+    inverse[indeterminate, :] = inverse[:, indeterminate] = math.nan
+    covariance[np.ix_(effective, effective)] = inverse / np.outer(size[effective], size[effective])
+    return covariance, messages
 
 
 def _correlated(names: tuple[str, ...], correlation: Array) -> Iterator[str]:
@@ -362,8 +363,8 @@ def _data_warnings(best: Prediction, mean_square: float) -> Iterator[str]:
     for kind, text in KIND_TEXTS.items():
         if count := kinds.count(kind):
             yield f"{count} of {len(kinds)} points {text}"
-    for (frequency, direction, _), found in zip(best.data.jumps, best.jump_frequencies.tolist(), strict=True):
-        if math.isnan(found):
+    for (frequency, direction, _), computed in zip(best.data.jumps, best.jump_frequencies.tolist(), strict=True):
+        if math.isnan(computed):
             change = "rises" if direction > 0 else "falls"
             yield f"the model has no jump like the one measured at {frequency:.6g} while the frequency {change}"
     if not best.data.assumed and mean_square > ACCEPTED_MEAN_SQUARE:

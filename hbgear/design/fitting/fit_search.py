@@ -63,11 +63,11 @@ class FitSearch:
         self.evaluations = self.followed = 0
         self.best: Prediction | None = None
         self.refused = ""
-        self._known: LRUCache[Prediction | None] = LRUCache(3)
+        self._predictions: LRUCache[Prediction | None] = LRUCache(3)
 
     def at(self, x: Array) -> Prediction | None:
         """Return the prediction with these values, or None if the model has no response."""
-        return self._known.get(x.tobytes(), lambda: self._traced(x))
+        return self._predictions.get(x.tobytes(), lambda: self._traced(x))
 
     def _traced(self, x: Array) -> Prediction | None:
         self.evaluations += 1
@@ -75,22 +75,22 @@ class FitSearch:
             values = dict(zip(self.names, map(float, x), strict=True))
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", ImplausibleInputWarning)  # for values during the search
-                now = Prediction(self.problem, self.data, values, self.span)
+                prediction = Prediction(self.problem, self.data, values, self.span)
         except (NotTraced, ValueError) as error:
             self.refused = str(error)
             return None
         if self.progress is not None:
             self.progress(Progress(math.nan, ", ".join(f"{name} = {x:.5g}" for name, x in values.items())))
-        return now
+        return prediction
 
     def evaluate(self, x: Array) -> Prediction | None:
         """Return the prediction with these values, and store it if it is the best so far."""
-        now = self.at(x)
-        if now is not None and (self.best is None or cost_of(now) < cost_of(self.best)):
-            self.best = now
-        return now
+        prediction = self.at(x)
+        if prediction is not None and (self.best is None or cost_of(prediction) < cost_of(self.best)):
+            self.best = prediction
+        return prediction
 
-    def run(self, own: Array, low: Array, high: Array, starts: int, seed: int) -> int:
+    def run(self, nominal: Array, low: Array, high: Array, starts: int, seed: int) -> int:
         """Minimize from several starts until a result is within the noise, and return the number of starts.
 
         Raises
@@ -98,8 +98,8 @@ class FitSearch:
         ValueError
             If the model has no response at any start or the unit of the amplitudes is probably wrong.
         """
-        freedom = max(1, len(self.data) + len(self.data.jumps) - len(own))
-        for start in self._starts(own, low, high, starts, seed):
+        freedom = max(1, len(self.data) + len(self.data.jumps) - len(nominal))
+        for start in self._starts(nominal, low, high, starts, seed):
             if self.evaluate(start) is None:
                 continue
             if not self.followed:
@@ -113,7 +113,7 @@ class FitSearch:
             raise ValueError(f"the model has no response to compare with the data: {self.refused}")
         return self.followed
 
-    def restore(self, own: Array, low: Array, high: Array) -> None:
+    def restore(self, nominal: Array, low: Array, high: Array) -> None:
         """Replace parameters of the best prediction without an effect by the values of the model.
 
         A random start may have changed them.
@@ -121,23 +121,26 @@ class FitSearch:
         best = self.best
         assert best is not None
         x, size = values_and_sizes(best, low, high)
-        changed = is_without_effect(best.information(best.deviation) * size) & (x != own)
-        now = self.at(np.where(changed, own, x)) if changed.any() else None
-        if now is not None and cost_of(now) <= (1.0 + COST_TOLERANCE[True]) * cost_of(best) + MIN_EFFECT**2:
-            self.best = now
+        changed = is_without_effect(best.information(best.deviation) * size) & (x != nominal)
+        prediction = self.at(np.where(changed, nominal, x)) if changed.any() else None
+        if (
+            prediction is not None
+            and cost_of(prediction) <= (1.0 + COST_TOLERANCE[True]) * cost_of(best) + MIN_EFFECT**2
+        ):
+            self.best = prediction
 
-    def _starts(self, own: Array, low: Array, high: Array, starts: int, seed: int) -> Iterator[Array]:
+    def _starts(self, nominal: Array, low: Array, high: Array, starts: int, seed: int) -> Iterator[Array]:
         """Yield the values of the model, then the best ones of several random candidates."""
-        yield own
+        yield nominal
         if starts == 1:
             return
         from scipy.stats import qmc
 
-        drawn = qmc.LatinHypercube(len(own), seed=seed).random(CANDIDATES_PER_START * (starts - 1))
-        every = [low + u * (high - low) for u in drawn]
-        costs = [math.inf if (now := self.evaluate(x)) is None else cost_of(now) for x in every]
+        units = qmc.LatinHypercube(len(nominal), seed=seed).random(CANDIDATES_PER_START * (starts - 1))
+        candidates = [low + u * (high - low) for u in units]
+        costs = [math.inf if (prediction := self.evaluate(x)) is None else cost_of(prediction) for x in candidates]
         for i in np.argsort(costs, kind="stable")[: starts - 1]:
-            yield every[i]
+            yield candidates[i]
 
     def _minimize(self, start: Array, low: Array, high: Array) -> None:
         """Minimize the sum of squares from a start, first with a loss function that reduces the weight of outliers.
@@ -155,8 +158,8 @@ class FitSearch:
             s = first.deviation
 
             def residuals(x: Array, s: Array = s) -> Array:
-                now = self.evaluate(x)
-                return worst if now is None else now.residuals(s)
+                prediction = self.evaluate(x)
+                return worst if prediction is None else prediction.residuals(s)
 
             def jacobian(x: Array, s: Array = s) -> Array:
                 now = self.at(x)
@@ -166,10 +169,10 @@ class FitSearch:
                 filtered: Array = J * (np.linalg.norm(J, axis=0) * np.abs(x) > MIN_EFFECT)
                 return filtered  # without parameters whose effect is rounding
 
-            found = least_squares(residuals, x, jacobian, (low, high), xtol=VALUE_TOLERANCE[final],
+            result = least_squares(residuals, x, jacobian, (low, high), xtol=VALUE_TOLERANCE[final],
                                   ftol=COST_TOLERANCE[final], loss="linear" if final else "soft_l1", f_scale=3.0,
                                   x_scale=np.maximum(np.abs(x), 1e-3 * (high - low)), max_nfev=30)  # fmt: skip
-            x = found.x
+            x = result.x
 
     def _approach(self, start: Array, low: Array, high: Array) -> Array:
         """Return a start whose curve is close to the points, found from the given one if necessary.
@@ -185,25 +188,25 @@ class FitSearch:
         worst = np.full(len(self.data) + len(self.data.jumps), 100.0)
 
         def distances(x: Array) -> Array:
-            now = self.at(x)
-            return worst if now is None else now.distances
+            prediction = self.at(x)
+            return worst if prediction is None else prediction.distances
 
         def jacobian(x: Array) -> Array:
             now = self.at(x)
             return np.zeros((len(worst), len(x))) if now is None else now.distance_jacobian
 
-        found = least_squares(distances, start, jacobian, (low, high), loss="soft_l1", xtol=2e-2, ftol=1e-1,
+        result = least_squares(distances, start, jacobian, (low, high), loss="soft_l1", xtol=2e-2, ftol=1e-1,
                               x_scale=np.maximum(np.abs(start), 1e-3 * (high - low)), max_nfev=20)  # fmt: skip
-        x: Array = found.x
+        x: Array = result.x
         return x
 
     def _check_unit(self) -> None:
         """Raise an error if measured and computed amplitudes differ by orders of magnitude."""
         assert self.best is not None
-        known = np.isfinite(self.best.amplitudes)
-        if not known.any():
+        finite = np.isfinite(self.best.amplitudes)
+        if not finite.any():
             return
-        ratio = float(np.median(self.data.amplitude[known] / self.best.amplitudes[known]))
+        ratio = float(np.median(self.data.amplitude[finite] / self.best.amplitudes[finite]))
         if not 1 / UNIT_ERROR_RATIO < ratio < UNIT_ERROR_RATIO:
             unit = self.data.length or "the model's unit of length"
             raise ValueError(
@@ -225,17 +228,17 @@ With 50 numbers the final one stops about a tenth of a standard error from the m
 
 def values_and_sizes(best: Prediction, low: Array, high: Array) -> tuple[Array, Array]:
     """Return the values (p,) of the parameters and their sizes; the size of a zero is the width of its bounds."""
-    x = np.array([best.here[name] for name in best.names])
+    x = np.array([best.parameter_values[name] for name in best.names])
     return x, np.where(x, np.abs(x), high - low)
 
 
 def is_without_effect(J: Array) -> NDArray[np.bool_]:
     """Return which parameters (p,) have no effect on the residuals, whose derivatives by relative changes are J."""
-    none: NDArray[np.bool_] = np.linalg.norm(J, axis=0) <= MIN_EFFECT
-    return none
+    ineffective: NDArray[np.bool_] = np.linalg.norm(J, axis=0) <= MIN_EFFECT
+    return ineffective
 
 
-def cost_of(now: Prediction) -> float:
+def cost_of(prediction: Prediction) -> float:
     """Return the sum of the squared residuals."""
-    r = now.residuals(now.deviation)
+    r = prediction.residuals(prediction.deviation)
     return float(r @ r)

@@ -112,34 +112,34 @@ def measurements_of(
     assumed = {"amplitude": str(length)} | ({} if unit is None else {"frequency": _COLUMN_UNITS[unit]})
     default = ("frequency", "amplitude", "direction")
     table = data_table(content, name, KINDS, default)
-    found = table.columns(KINDS, columns, assumed)
-    if "frequency" not in found:
+    columns_by_role = table.columns(KINDS, columns, assumed)
+    if "frequency" not in columns_by_role:
         raise ValueError(f"'{name}' has no frequency, only {', '.join(map(quoted, table.headings))}; need a column "
                          "such as 'n [r/min]', 'frequency [Hz]' or 'Omega'")  # fmt: skip
-    own, factor = _frequency(found["frequency"], unit)
-    measure = _measure(found.get("amplitude"), settings)
-    return _measurements(found, own, factor, settings | measure)
+    frequency_unit, factor = _frequency(columns_by_role["frequency"], unit)
+    measure = _measure(columns_by_role.get("amplitude"), settings)
+    return _measurements(columns_by_role, frequency_unit, factor, settings | measure)
 
 
-def _frequency(column: Column, wanted: str | None) -> tuple[str, float]:
+def _frequency(column: Column, given_unit: str | None) -> tuple[str, float]:
     """Return the unit of `Measurements` for a column of frequencies, and the factor to this unit."""
     is_speed = normal(split(column.heading)[0]) in _SPEEDS
-    what = f"'{column.file}': the column {quoted(column.heading)}"
+    text = f"'{column.file}': the column {quoted(column.heading)}"
     if is_speed and column.unit in ("Hz", "kHz", "mHz", "MHz"):
-        raise ValueError(f"{what} may be the mesh frequency or turns per second; write 'mesh frequency [Hz]' or give "
+        raise ValueError(f"{text} may be the mesh frequency or turns per second; write 'mesh frequency [Hz]' or give "
                          "the speed in [r/min]")  # fmt: skip
     if column.unit == "":
-        own, factor = "Omega", 1.0
+        unit, factor = "Omega", 1.0
     elif is_speed or column.unit in ("r/min", "r/s", "deg/s"):
-        own, factor = PINION, 60 * FREQUENCY[column.unit] if column.unit != "r/min" else 1.0
+        unit, factor = PINION, 60 * FREQUENCY[column.unit] if column.unit != "r/min" else 1.0
     else:
-        own, factor = MESH, FREQUENCY[column.unit]
-    if wanted not in (None, own):
+        unit, factor = MESH, FREQUENCY[column.unit]
+    if given_unit not in (None, unit):
         raise ValueError(
-            f"{what} is {own}, and unit = {quoted(wanted)} was given; leave this argument out, or correct the "
+            f"{text} is {unit}, and unit = {quoted(given_unit)} was given; leave this argument out, or correct the "
             "name of the column"
         )
-    return own, factor
+    return unit, factor
 
 
 def _measure(column: Column | None, settings: Mapping[str, Any]) -> dict[str, str]:
@@ -153,34 +153,38 @@ def _measure(column: Column | None, settings: Mapping[str, Any]) -> dict[str, st
     return {"measure": name}
 
 
-def _measurements(found: Mapping[str, Column], unit: str, factor: float, settings: Mapping[str, Any]) -> Measurements:
+def _measurements(roles: Mapping[str, Column], unit: str, factor: float, settings: Mapping[str, Any]) -> Measurements:
     """Return the measurements of the lines of the columns."""
     points: list[list[float]] = []
     jumps: list[list[float]] = []
-    amplitude, deviation, direction = (found.get(role) for role in ("amplitude", "deviation", "direction"))
-    for i in range(len(found["frequency"].cells)):
-        frequency = _positive(found["frequency"], i) * factor
+    amplitude, deviation, direction = (roles.get(role) for role in ("amplitude", "deviation", "direction"))
+    for i in range(len(roles["frequency"].cells)):
+        frequency = _positive(roles["frequency"], i) * factor
         direction_i = settings.get("direction", 1) if direction is None else _direction(direction, i)
         if amplitude is not None and amplitude.cells[i]:
             size = _positive(amplitude, i)
-            more = [_deviation(deviation, i, size, amplitude)] if deviation is not None and deviation.cells[i] else []
-            points.append([frequency, size, direction_i, *more])
+            deviations = (
+                [_deviation(deviation, i, size, amplitude)] if deviation is not None and deviation.cells[i] else []
+            )
+            points.append([frequency, size, direction_i, *deviations])
         else:
-            more = (
+            deviations = (
                 [_jump_deviation(deviation, i, frequency, factor)]
                 if deviation is not None and deviation.cells[i]
                 else []
             )
-            jumps.append([frequency, direction_i, *more])
-    given = {key: value for key, value in settings.items() if key != "direction"}
-    given |= {"unit": unit, "length": "" if amplitude is None else amplitude.unit}
+            jumps.append([frequency, direction_i, *deviations])
+    arguments = {key: value for key, value in settings.items() if key != "direction"}
+    arguments |= {"unit": unit, "length": "" if amplitude is None else amplitude.unit}
     if len({len(point) for point in points}) > 1:
-        raise ValueError(f"'{found['frequency'].file}': some amplitudes have a deviation and some have none; give one "
+        raise ValueError(f"'{roles['frequency'].file}': some amplitudes have a deviation and some have none; give one "
                          "for each of them or for none")  # fmt: skip
     if not points:
-        return Measurements([], [], jumps=jumps, **given)
+        return Measurements([], [], jumps=jumps, **arguments)
     columns = np.array(points, dtype=float).T
-    return Measurements(columns[0], columns[1], columns[2], columns[3] if len(columns) > 3 else None, jumps, **given)
+    return Measurements(
+        columns[0], columns[1], columns[2], columns[3] if len(columns) > 3 else None, jumps, **arguments
+    )
 
 
 def _positive(column: Column, i: int) -> float:
@@ -204,10 +208,10 @@ def _deviation(column: Column, i: int, size: float, amplitude: Column) -> float:
         return value
     if column.unit == "%":
         return value / 100 * size
-    own, other = factor_of(column.unit, ["m"]), factor_of(amplitude.unit, ["m"])
-    if own is None or other is None or not amplitude.unit:
+    deviation_unit, amplitude_unit = factor_of(column.unit, ["m"]), factor_of(amplitude.unit, ["m"])
+    if deviation_unit is None or amplitude_unit is None or not amplitude.unit:
         raise column.wrong(i, "is a length, but the amplitudes have no unit; give both")
-    return value * own[0] / other[0]
+    return value * deviation_unit[0] / amplitude_unit[0]
 
 
 def _jump_deviation(column: Column, i: int, frequency: float, factor: float) -> float:

@@ -180,16 +180,16 @@ class Measurements:  # numpydoc ignore=PR02
         return values
 
 
-def _jump(given: Any) -> tuple[float, int, float]:
+def _jump(jump: Any) -> tuple[float, int, float]:
     """Return frequency, direction and standard deviation of a measured jump."""
     try:
-        frequency, direction, *rest = (float(x) for x in given)
-        deviation = rest[0] if rest else 0.1 * DEFAULT_DEVIATION * frequency
-        good = len(rest) < 2 and direction in (-1, 1) and 0 < frequency < np.inf and 0 < deviation < np.inf
+        frequency, direction, *deviations = (float(x) for x in jump)
+        deviation = deviations[0] if deviations else 0.1 * DEFAULT_DEVIATION * frequency
+        good = len(deviations) < 2 and direction in (-1, 1) and 0 < frequency < np.inf and 0 < deviation < np.inf
     except (TypeError, ValueError, OverflowError):
         good = False
     if not good:
         raise ValueError(
-            f"Measurements: the jump {quoted(given)} must be (frequency, +1 or -1) or (frequency, +1 or -1, deviation)"
+            f"Measurements: the jump {quoted(jump)} must be (frequency, +1 or -1) or (frequency, +1 or -1, deviation)"
         )
     return frequency, int(direction), deviation

@@ -63,20 +63,23 @@ def profile_interval(
     """
     s = best.deviation
     J, minimum = best.information(s), float(np.square(best.residuals(s)).sum())
-    out = np.full(len(x), math.nan)
-    known = np.flatnonzero(np.isfinite(np.diag(covariance)) & (np.diag(covariance) > 0))
-    for j in known:
+    errors = np.full(len(x), math.nan)
+    determinate = np.flatnonzero(np.isfinite(np.diag(covariance)) & (np.diag(covariance) > 0))
+    for j in determinate:
         error = math.sqrt(covariance[j, j])
         direction = np.where(np.isfinite(covariance[:, j]), covariance[:, j], 0.0) / error
-        others = [k for k in known if k != j]
+        others = [k for k in determinate if k != j]
         for side in (-1, 1):
             shifted = np.clip(x + side * SIGMAS * direction, low, high)
             t = abs(shifted[j] - x[j]) / error
-            now = at(shifted) if t > MIN_BOUND_DISTANCE else None
-            if now is not None:
-                rise = max(_minimized_sum(now.residuals(s), J[:, others]) - minimum, unit * (t / MAX_END_RATIO) ** 2)
-                out[j] = np.fmax(out[j], error * t * math.sqrt(unit / rise))
-    return out
+            prediction = at(shifted) if t > MIN_BOUND_DISTANCE else None
+            if prediction is not None:
+                rise = max(
+                    _minimized_sum(prediction.residuals(s), J[:, others]) - minimum,
+                    unit * (t / MAX_END_RATIO) ** 2,
+                )
+                errors[j] = np.fmax(errors[j], error * t * math.sqrt(unit / rise))
+    return errors
 
 
 def _minimized_sum(r: Array, J: Array) -> float:

@@ -106,9 +106,9 @@ class SweepMotions:
     ) -> None:
         self.problem, self.data, self.names = problem.with_cache_size(2 * len(values) + 10), data, tuple(values)
         model = problem.model
-        self.here = {**model.parameters, **values}
+        self.parameter_values = {**model.parameters, **values}
         try:
-            self.units = units_at(self.problem, {**model.entries, **self.here}, self.names)
+            self.units = units_at(self.problem, {**model.entries, **self.parameter_values}, self.names)
             self.curve = trace(self.problem, "Omega", span, at=dict(values), accuracy=None)
         except (NoConvergence, ValueError) as error:
             raise NotTraced(f"no response at {_values_text(values)}: {error}") from error
@@ -129,8 +129,8 @@ class SweepMotions:
         for curve in self.curves:
             assert curve.multipliers is not None
             A = curve.amplitude(self.data.measure, self.data.element)
-            own = np.column_stack([curve.values, A, is_stable(curve.multipliers), curve.X])
-            rows += [own, np.full((1, own.shape[1]), math.nan)]
+            columns = np.column_stack([curve.values, A, is_stable(curve.multipliers), curve.X])
+            rows += [columns, np.full((1, columns.shape[1]), math.nan)]
         table = np.concatenate(rows[:-1])
         return SampledCurves(table[:, 0], table[:, 1], table[:, 2] == 1.0, table[:, 3:])
 
@@ -138,9 +138,9 @@ class SweepMotions:
         """Return the crossings of all curves with a value of Omega, in indices of `points`."""
         starts = np.cumsum([0, *(len(curve) + 1 for curve in self.curves)]).tolist()
         return [
-            Crossing(start + one.index, one.fraction)
+            Crossing(start + crossing.index, crossing.fraction)
             for start, curve in zip(starts, self.curves, strict=False)
-            for one in crossings_at(curve, Omega)
+            for crossing in crossings_at(curve, Omega)
         ]
 
     # ---- frequencies and positions
@@ -152,10 +152,10 @@ class SweepMotions:
 
     def unit_of(self, name: str) -> tuple[float, Array]:
         """Return a unit of frequency, or `LENGTH`, in the unit of the model, and its derivatives."""
-        own, moved = self.units
-        if name not in own and name == "Omega":
+        units, derivatives = self.units
+        if name not in units and name == "Omega":
             return 1.0, np.zeros(len(self.names))
-        return own[name], moved[name]
+        return units[name], derivatives[name]
 
     @cached_property
     def length(self) -> tuple[float, Array]:
@@ -165,8 +165,8 @@ class SweepMotions:
     @cached_property
     def jumps(self) -> tuple[Jump, ...]:
         """Jumps of slow sweeps of the curves."""
-        found = (landing.jump for each in landings(self.curves) for landing in each)
-        return tuple(jump for jump in found if jump.parameter == "Omega")
+        all_jumps = (landing.jump for of_curve in landings(self.curves) for landing in of_curve)
+        return tuple(jump for jump in all_jumps if jump.parameter == "Omega")
 
     @cached_property
     def references(self) -> list[Reference]:
@@ -177,8 +177,8 @@ class SweepMotions:
         segments = list(stable_segments(sampled))
         positions = np.full(len(data), math.nan)
         for direction in (1, -1):
-            mine = np.flatnonzero(data.directions == direction)
-            order = mine[np.argsort(self.Omega[mine])]
+            selected = np.flatnonzero(data.directions == direction)
+            order = selected[np.argsort(self.Omega[selected])]
             if order.size and segments:
                 ends = [self._jump_positions(jump) for jump in self.jumps if jump.direction == direction]
                 jumps = np.array(ends).reshape(-1, 3)
@@ -196,9 +196,9 @@ class SweepMotions:
         after = jump.after
         if after is None:
             return jump.value, math.nan, math.nan
-        near, X = self._crossings_at(jump.value), self.points.X
-        to = min(near, key=lambda crossing: norm(crossing.interpolate(X) - self.problem.from_point(after)))
-        return jump.value, math.nan, to.index + to.fraction
+        crossings, X = self._crossings_at(jump.value), self.points.X
+        nearest = min(crossings, key=lambda crossing: norm(crossing.interpolate(X) - self.problem.from_point(after)))
+        return jump.value, math.nan, nearest.index + nearest.fraction
 
     def _reference(
         self, i: int, position: float, segments: Sequence[tuple[Array, Array]], amplitude: Array
@@ -206,64 +206,68 @@ class SweepMotions:
         Omega, measured = float(self.Omega[i]), float(self.data.amplitude[i])
         deviation, direction = float(self.data.deviation[i]), int(self.data.directions[i])
 
-        def distance(at: float) -> float:
-            return abs(float(np.interp(at, np.arange(len(amplitude)), amplitude)) - measured) / deviation
+        def distance(index: float) -> float:
+            return abs(float(np.interp(index, np.arange(len(amplitude)), amplitude)) - measured) / deviation
 
         options: list[tuple[float, Reference]] = []
         for x, y in segments:
             if x[0] <= Omega <= x[-1]:
-                at = round(float(np.interp(Omega, x, y)), POSITION_DECIMALS)
-                options.append((distance(at), Reference(OTHER, at)))
+                index = round(float(np.interp(Omega, x, y)), POSITION_DECIMALS)
+                options.append((distance(index), Reference(OTHER, index)))
         for jump in self.jumps:
-            beyond = (Omega - jump.value) * direction
-            if jump.direction == direction and 0 < beyond <= MAX_END_DISTANCE * Omega:
+            overshoot = (Omega - jump.value) * direction
+            if jump.direction == direction and 0 < overshoot <= MAX_END_DISTANCE * Omega:
                 size = self.length[0] * jump.before.amplitude(self.data.measure, self.data.element)
-                residual = soft_residual(beyond / (FREQUENCY_DEVIATION * Omega))[0]
+                residual = soft_residual(overshoot / (FREQUENCY_DEVIATION * Omega))[0]
                 options.append((math.hypot((size - measured) / deviation, residual), Reference(END, jump=jump)))
-        own = distance(position) if math.isfinite(position) else math.inf
+        swept_distance = distance(position) if math.isfinite(position) else math.inf
         best, reference = min(options, key=lambda option: option[0], default=(math.inf, Reference(UNREACHED)))
-        if own <= SWITCH_DEVIATIONS or best > SWITCH_RATIO * own or reference.position == position:
+        if (
+            swept_distance <= SWITCH_DEVIATIONS
+            or best > SWITCH_RATIO * swept_distance
+            or reference.position == position
+        ):
             reference = Reference(SWEPT, position) if math.isfinite(position) else reference
-        if reference.kind != UNREACHED or not (near := self._crossings_at(Omega)):
+        if reference.kind != UNREACHED or not (crossings := self._crossings_at(Omega)):
             return reference
-        return Reference(UNREACHED, min((p.index + p.fraction for p in near), key=distance))
+        return Reference(UNREACHED, min((p.index + p.fraction for p in crossings), key=distance))
 
     # ---- motions and amplitudes
 
     @cached_property
     def motions(self) -> list[tuple[Array, dict[str, float]] | None]:
         """Unknowns and parameters of the motion with which each point is compared; None without one."""
-        found: list[tuple[Array, dict[str, float]] | None] = []
-        known: dict[tuple[float, float], tuple[Array, dict[str, float]] | None] = {}
+        motions: list[tuple[Array, dict[str, float]] | None] = []
+        solutions: dict[tuple[float, float], tuple[Array, dict[str, float]] | None] = {}
         for Omega, reference in zip(self.Omega.tolist(), self.references, strict=True):
             key = (Omega, reference.position)
-            if key not in known:
-                known[key] = None if math.isnan(reference.position) else self._solved(reference.position, Omega)
-            found.append(known[key])
-        return found
+            if key not in solutions:
+                solutions[key] = None if math.isnan(reference.position) else self._solved(reference.position, Omega)
+            motions.append(solutions[key])
+        return motions
 
     def _solved(self, position: float, Omega: float) -> tuple[Array, dict[str, float]] | None:
         i, X = int(position), self.points.X
-        here, share = {**self.here, "Omega": Omega}, position - i
-        guess = (1 - share) * X[i] + share * X[i + 1] if share else X[i]
+        parameters, fraction = {**self.parameter_values, "Omega": Omega}, position - i
+        guess = (1 - fraction) * X[i] + fraction * X[i + 1] if fraction else X[i]
         try:
-            return solve(self.problem, guess, here, "Omega").X, here
+            return solve(self.problem, guess, parameters, "Omega").X, parameters
         except NoConvergence:
             return None
 
     @cached_property
     def amplitudes(self) -> Array:
         """Amplitudes (N,) in the unit of the data; nan without a motion."""
-        out = np.full(len(self.data), math.nan)
+        amplitudes = np.full(len(self.data), math.nan)
         layout, data = self.problem.layout, self.data
-        some = [i for i, motion in enumerate(self.motions) if motion is not None]
-        if some:
-            X = np.array([self.motions[i][0] for i in some])  # type: ignore[index]
-            out[some] = self.length[0] * layout.measure(data.measure, X, data.element)
+        solved = [i for i, motion in enumerate(self.motions) if motion is not None]
+        if solved:
+            X = np.array([self.motions[i][0] for i in solved])  # type: ignore[index]
+            amplitudes[solved] = self.length[0] * layout.measure(data.measure, X, data.element)
         for i, reference in enumerate(self.references):
             if reference.jump is not None:
-                out[i] = self.length[0] * reference.jump.before.amplitude(data.measure, data.element)
-        return out
+                amplitudes[i] = self.length[0] * reference.jump.before.amplitude(data.measure, data.element)
+        return amplitudes
 
     @property
     def reached(self) -> Array:
@@ -274,15 +278,15 @@ class SweepMotions:
     def nearest_jump(self, direction: int, frequency: float) -> Jump | None:
         """Return the jump in a direction that is nearest to a measured one."""
         Omega = frequency / self.unit_of(self.data.unit)[0]
-        mine = [jump for jump in self.jumps if jump.direction == direction]
-        return min(mine, key=lambda jump: abs(jump.value - Omega), default=None)
+        candidates = [jump for jump in self.jumps if jump.direction == direction]
+        return min(candidates, key=lambda jump: abs(jump.value - Omega), default=None)
 
     @cached_property
     def jump_frequencies(self) -> Array:
         """Jump frequencies (J,) in the unit of the data; nan for jumps that the model does not have."""
         unit = self.unit_of(self.data.unit)[0]
-        found = [self.nearest_jump(direction, frequency) for frequency, direction, _ in self.data.jumps]
-        return np.array([math.nan if jump is None else unit * jump.value for jump in found])
+        nearest = [self.nearest_jump(direction, frequency) for frequency, direction, _ in self.data.jumps]
+        return np.array([math.nan if jump is None else unit * jump.value for jump in nearest])
 
     @cached_property
     def deviation(self) -> Array:
@@ -293,19 +297,19 @@ class SweepMotions:
         Close to a fold an amplitude determines the frequency of the fold and barely its height.
         """
         Omega, data, sizes = self.points.Omega, self.data, self.curve_amplitudes
-        out = np.array(data.deviation, dtype=float)
+        deviation = np.array(data.deviation, dtype=float)
         for i, reference in enumerate(self.references):
             if math.isfinite(reference.position):
                 k = int(reference.position)
                 k -= k + 1 == len(Omega) or math.isnan(Omega[k + 1])  # the last point of a curve
                 step = float(Omega[k + 1] - Omega[k])
                 slope = float(sizes[k + 1] - sizes[k]) / step if step else math.inf
-                out[i] = math.hypot(
-                    out[i], min(abs(slope) * FREQUENCY_DEVIATION * float(self.Omega[i]), float(data.amplitude[i]))
+                deviation[i] = math.hypot(
+                    deviation[i], min(abs(slope) * FREQUENCY_DEVIATION * float(self.Omega[i]), float(data.amplitude[i]))
                 )
             elif reference.jump is not None:
-                out[i] = math.hypot(out[i], COARSE_DEVIATION * float(data.amplitude[i]))
-        return out
+                deviation[i] = math.hypot(deviation[i], COARSE_DEVIATION * float(data.amplitude[i]))
+        return deviation
 
 
 def soft_residual(t: float) -> tuple[float, float]:

@@ -44,16 +44,19 @@ class Prediction(SweepMotions):
     def residuals(self, deviation: Array) -> Array:
         """Return residuals (2N + J,) in deviations: amplitudes, frequencies of points beyond an end, and jumps."""
         data = self.data
-        off = np.nan_to_num((self.amplitudes - data.amplitude) / deviation)
-        beyond = np.array([
+        offsets = np.nan_to_num((self.amplitudes - data.amplitude) / deviation)
+        overshoots = np.array([
             0.0
             if reference.jump is None
             else soft_residual((Omega - reference.jump.value) / (FREQUENCY_DEVIATION * Omega))[0]
             for reference, Omega in zip(self.references, self.Omega.tolist(), strict=True)
         ])  # fmt: skip
-        at = zip(data.jumps, self.jump_frequencies.tolist(), strict=True)
-        jumps = [MISSING_JUMP_DISTANCE * f / s if math.isnan(found) else (found - f) / s for (f, _, s), found in at]
-        return np.concatenate([off, beyond, jumps])
+        pairs = zip(data.jumps, self.jump_frequencies.tolist(), strict=True)
+        jumps = [
+            MISSING_JUMP_DISTANCE * f / s if math.isnan(model_frequency) else (model_frequency - f) / s
+            for (f, _, s), model_frequency in pairs
+        ]
+        return np.concatenate([offsets, overshoots, jumps])
 
     def jacobian(self, deviation: Array) -> Array:
         """Return the derivatives (2N + J, A) of `residuals`."""
@@ -77,26 +80,26 @@ class Prediction(SweepMotions):
         """Derivatives of `residuals`, with amplitudes in the unit of the data."""
         data, count = self.data, len(self.data)
         J = np.zeros((2 * count + len(data.jumps), len(self.names)))
-        length, moved_length = self.length
-        scale, moved_scale = self.unit_of(data.unit)
+        length, length_slopes = self.length
+        scale, scale_slopes = self.unit_of(data.unit)
         slopes = self._slopes()
         for i, reference in enumerate(self.references):
             if reference.jump is not None:
-                moved = self._jump_derivatives(reference.jump)
+                jump_slopes = self._jump_derivatives(reference.jump)
                 size = reference.jump.before.amplitude(data.measure, data.element)
-                J[i] = length * moved["size"] + size * moved_length
+                J[i] = length * jump_slopes["size"] + size * length_slopes
                 # derivative of 1 - Omega_j / Omega with Omega = f / s
                 Omega = float(self.Omega[i])
                 rate = soft_residual((Omega - reference.jump.value) / (FREQUENCY_DEVIATION * Omega))[1] / (
                     FREQUENCY_DEVIATION * Omega
                 )
-                J[count + i] = -rate * (moved["Omega"] + reference.jump.value * moved_scale / scale)
+                J[count + i] = -rate * (jump_slopes["Omega"] + reference.jump.value * scale_slopes / scale)
             elif i in slopes:
-                J[i] = length * slopes[i] + float(self.amplitudes[i]) / length * moved_length
+                J[i] = length * slopes[i] + float(self.amplitudes[i]) / length * length_slopes
         for j, (frequency, direction, deviation) in enumerate(data.jumps, 2 * count):
             jump = self.nearest_jump(direction, frequency)
             if jump is not None:
-                J[j] = (scale * self._jump_derivatives(jump)["Omega"] + jump.value * moved_scale) / deviation
+                J[j] = (scale * self._jump_derivatives(jump)["Omega"] + jump.value * scale_slopes) / deviation
         return np.nan_to_num(J)
 
     # ---- distances of points and curve
@@ -112,12 +115,16 @@ class Prediction(SweepMotions):
         if not rows.size or not len(data):
             return [], np.zeros(0), np.zeros(0)
         sizes = self.curve_amplitudes[rows]
-        wide = np.maximum(data.deviation, COARSE_DEVIATION * data.amplitude)
-        ahead = (self.points.Omega[rows] - self.Omega[:, None]) / (COARSE_DEVIATION * self.Omega[:, None])
-        above = (sizes - data.amplitude[:, None]) / wide[:, None]
-        near = np.argmin(np.hypot(ahead, above), axis=1)
-        each = np.arange(len(data))
-        return rows[near].tolist(), ahead[each, near], above[each, near]
+        deviations = np.maximum(data.deviation, COARSE_DEVIATION * data.amplitude)
+        dOmega = (self.points.Omega[rows] - self.Omega[:, None]) / (COARSE_DEVIATION * self.Omega[:, None])
+        dA = (sizes - data.amplitude[:, None]) / deviations[:, None]
+        nearest = np.argmin(np.hypot(dOmega, dA), axis=1)
+        numbers = np.arange(len(data))
+        return (
+            rows[nearest].tolist(),
+            dOmega[numbers, nearest],
+            dA[numbers, nearest],
+        )
 
     @cached_property
     def distances(self) -> Array:
@@ -126,7 +133,7 @@ class Prediction(SweepMotions):
         Frequency and amplitude are both relative. The distance has a gradient for distant points too, so that a
         resonance at another frequency is moved to the measured points.
         """
-        _, ahead, above = self._nearest
+        _, dOmega, dA = self._nearest
         unit = self.unit_of(self.data.unit)[0]
         jumps = []
         for frequency, direction, _ in self.data.jumps:
@@ -136,26 +143,28 @@ class Prediction(SweepMotions):
                 if jump is None
                 else (unit * jump.value / frequency - 1.0) / COARSE_DEVIATION
             )
-        return np.concatenate([np.hypot(ahead, above), jumps])
+        return np.concatenate([np.hypot(dOmega, dA), jumps])
 
     @cached_property
     def distance_jacobian(self) -> Array:
         """Derivatives (N + J, A) of `distances`."""
         data = self.data
-        (length, moved_length), (scale, moved_scale) = self.length, self.unit_of(data.unit)
-        rows, ahead, above = self._nearest
+        (length, length_slopes), (scale, scale_slopes) = self.length, self.unit_of(data.unit)
+        rows, dOmega, dA = self._nearest
         slopes = self._slopes_at(sorted(set(rows)))
         J = np.zeros((len(self.distances), len(self.names)))
         for i, row in enumerate(rows):
             if row in slopes and self.distances[i]:
-                wide = max(data.deviation[i], COARSE_DEVIATION * data.amplitude[i])
-                moved = (length * slopes[row] + self.curve_amplitudes[row] / length * moved_length) / wide
-                along = self.points.Omega[row] * moved_scale / (scale * COARSE_DEVIATION * self.Omega[i])
-                J[i] = (above[i] * moved + ahead[i] * along) / self.distances[i]
+                deviation = max(data.deviation[i], COARSE_DEVIATION * data.amplitude[i])
+                amplitude_slopes = (
+                    length * slopes[row] + self.curve_amplitudes[row] / length * length_slopes
+                ) / deviation
+                frequency_slopes = self.points.Omega[row] * scale_slopes / (scale * COARSE_DEVIATION * self.Omega[i])
+                J[i] = (dA[i] * amplitude_slopes + dOmega[i] * frequency_slopes) / self.distances[i]
         for j, (frequency, direction, _) in enumerate(data.jumps, len(rows)):
             jump = self.nearest_jump(direction, frequency)
             if jump is not None:
-                J[j] = (scale * self._jump_derivatives(jump)["Omega"] + jump.value * moved_scale) / (
+                J[j] = (scale * self._jump_derivatives(jump)["Omega"] + jump.value * scale_slopes) / (
                     COARSE_DEVIATION * frequency
                 )
         return np.nan_to_num(J)
@@ -168,60 +177,62 @@ class Prediction(SweepMotions):
         if not rows:
             return {}
         X, Omega = self.points.X[list(rows)], self.points.Omega[list(rows)]
-        known, along = self._solution_derivatives(X, Omega)
-        return dict(zip((rows[i] for i in known), self._measured_along(X[known], along), strict=True))
+        solved, directions = self._solution_derivatives(X, Omega)
+        return dict(zip((rows[i] for i in solved), self._measured_along(X[solved], directions), strict=True))
 
     def _solution_derivatives(self, X: Array, Omega: Array) -> tuple[list[int], Array]:
         """Return the indices of motions with finite derivatives (all but folds) and the derivatives (P, A, n)."""
-        here = {**self.problem.model.entries, **self.here}
-        moved = np.stack([self.problem.parameter_derivatives(X, Omega, name, here) for name in self.names], axis=1)
-        known, found = [], []
+        parameters = {**self.problem.model.entries, **self.parameter_values}
+        residual_slopes = np.stack(
+            [self.problem.parameter_derivatives(X, Omega, name, parameters) for name in self.names], axis=1
+        )
+        solved, directions = [], []
         for i, w in enumerate(Omega.tolist()):
-            along = -Factors(self.problem.evaluate(X[i], **here, Omega=w)[1]).solve(moved[i].T).T
-            if np.isfinite(along).all():
-                known.append(i)
-                found.append(along)
-        return known, np.array(found).reshape(len(known), *moved.shape[1:])
+            direction = -Factors(self.problem.evaluate(X[i], **parameters, Omega=w)[1]).solve(residual_slopes[i].T).T
+            if np.isfinite(direction).all():
+                solved.append(i)
+                directions.append(direction)
+        return solved, np.array(directions).reshape(len(solved), *residual_slopes.shape[1:])
 
     def _jump_derivatives(self, jump: Jump) -> dict[str, Array]:
         """Return the derivatives of the frequency of a jump and of the amplitude before it."""
-        if jump.label not in self._known_jump_derivatives:
+        if jump.label not in self._cached_jump_derivatives:
             try:
-                found = sensitivity(jump.before, self.names, measure=self.data.measure, element=self.data.element)
-                moved = {"Omega": found.slopes[0], "size": np.array(list(found.of(self.data.measure).values()))}
+                slopes = sensitivity(jump.before, self.names, measure=self.data.measure, element=self.data.element)
+                derivatives = {"Omega": slopes.slopes[0], "size": np.array(list(slopes.of(self.data.measure).values()))}
             except (ValueError, NoConvergence, np.linalg.LinAlgError):
-                moved = {"Omega": np.zeros(len(self.names)), "size": np.zeros(len(self.names))}
-            self._known_jump_derivatives[jump.label] = moved
-        return self._known_jump_derivatives[jump.label]
+                derivatives = {"Omega": np.zeros(len(self.names)), "size": np.zeros(len(self.names))}
+            self._cached_jump_derivatives[jump.label] = derivatives
+        return self._cached_jump_derivatives[jump.label]
 
     @cached_property
-    def _known_jump_derivatives(self) -> dict[str, dict[str, Array]]:
+    def _cached_jump_derivatives(self) -> dict[str, dict[str, Array]]:
         return {}
 
     def _slopes(self) -> dict[int, Array]:
         """Return derivatives of the amplitudes in the unit of the model, by index of the measured point."""
-        scale, moved_scale = self.unit_of(self.data.unit)
+        scale, scale_slopes = self.unit_of(self.data.unit)
         first_index: dict[tuple[float, float], int] = {}
         for i, (motion, reference) in enumerate(zip(self.motions, self.references, strict=True)):
             if motion is not None and reference.kind != END:
                 first_index.setdefault((float(self.Omega[i]), reference.position), i)
-        some = list(first_index.values())
-        if not some:
+        selected = list(first_index.values())
+        if not selected:
             return {}
-        X, Omega = np.array([self.motions[i][0] for i in some]), self.Omega[some]  # type: ignore[index]
-        known, along = self._solution_derivatives(X, Omega)
-        if moved_scale.any():
-            here = {**self.problem.model.entries, **self.here}
-            for X_a, i in zip(along, known, strict=True):
-                t = tangent(self.problem, X[i], {**here, "Omega": float(Omega[i])}, "Omega")
-                X_a -= np.outer(Omega[i] * moved_scale / scale, t)
-        found = dict(zip((some[i] for i in known), self._measured_along(X[known], along), strict=True))
-        each = {
+        X, Omega = np.array([self.motions[i][0] for i in selected]), self.Omega[selected]  # type: ignore[index]
+        solved, directions = self._solution_derivatives(X, Omega)
+        if scale_slopes.any():
+            parameters = {**self.problem.model.entries, **self.parameter_values}
+            for X_a, i in zip(directions, solved, strict=True):
+                t = tangent(self.problem, X[i], {**parameters, "Omega": float(Omega[i])}, "Omega")
+                X_a -= np.outer(Omega[i] * scale_slopes / scale, t)
+        slopes = dict(zip((selected[i] for i in solved), self._measured_along(X[solved], directions), strict=True))
+        first_by_point = {
             i: first_index.get((float(self.Omega[i]), reference.position), -1)
             for i, reference in enumerate(self.references)
         }
-        return {i: found[first] for i, first in each.items() if first in found}
+        return {i: slopes[first] for i, first in first_by_point.items() if first in slopes}
 
-    def _measured_along(self, X: Array, along: Array) -> Array:
+    def _measured_along(self, X: Array, directions: Array) -> Array:
         """Return derivatives (P, A) of the measure of motions X (P, n) in the directions (P, A, n)."""
-        return measured_along(self.problem.layout, self.data.measure, self.data.element, X, along)
+        return measured_along(self.problem.layout, self.data.measure, self.data.element, X, directions)

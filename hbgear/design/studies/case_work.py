@@ -56,20 +56,20 @@ def run_case(cls: type[Model] | str, fields: Mapping[str, Any], work: Work) -> R
     """
     started = time.perf_counter()
     try:
-        found = find_model_class(cls) if isinstance(cls, str) else cls
-        result = _result_of(_model_of(found, fields_from_plain(fields)), work)
+        model_type = find_model_class(cls) if isinstance(cls, str) else cls
+        result = _computed_result(_model_with(model_type, fields_from_plain(fields)), work)
         return replace(result, seconds=time.perf_counter() - started)
     except Exception as error:  # an error in one case must not end the others
         text = error.args[0] if error.args else type(error).__name__
-        known = isinstance(error, ValueError | KeyError)
-        reason = str(text) if known else f"{type(error).__name__}: {text}"
+        is_expected = isinstance(error, ValueError | KeyError)
+        reason = str(text) if is_expected else f"{type(error).__name__}: {text}"
         return Result(reason=" ".join(reason.split()), seconds=time.perf_counter() - started)
 
 
-def _model_of(cls: type[Model], values: Mapping[str, Any]) -> Model:
+def _model_with(cls: type[Model], values: Mapping[str, Any]) -> Model:
     """Return the model of values of fields and their entries, and of parameters that are no fields (of a drawing)."""
-    known = kinds_of(cls)
-    parameters = {name: value for name, value in values.items() if name.partition("[")[0] not in known}
+    field_names = kinds_of(cls)
+    parameters = {name: value for name, value in values.items() if name.partition("[")[0] not in field_names}
     model = made(cls, {name: value for name, value in values.items() if name not in parameters})
     return model.replace(**parameters) if parameters else model
 
@@ -92,7 +92,7 @@ def _libraries(modules: int) -> ThreadpoolController:
     return ThreadpoolController()
 
 
-def _result_of(model: Model, work: Work) -> Result:
+def _computed_result(model: Model, work: Work) -> Result:
     numbers: dict[str, float] = {}
     arrays: dict[str, Array] = {}
     packed_branch = b""
@@ -106,10 +106,10 @@ def _result_of(model: Model, work: Work) -> Result:
             packed_branch = packed(curves[0])
     for name in work.critical:
         try:
-            found = critical_parameter(problem, name, frequencies=work.span)
-            if found.status is Status.INTERRUPTED:
+            critical = critical_parameter(problem, name, frequencies=work.span)
+            if critical.status is Status.INTERRUPTED:
                 raise KeyboardInterrupt
-            numbers |= {f"critical_{name}": found.value, f"critical_{name}_Omega": found.Omega}
+            numbers |= {f"critical_{name}": critical.value, f"critical_{name}_Omega": critical.Omega}
         except NoFoldError:
             numbers |= {f"critical_{name}": np.nan, f"critical_{name}_Omega": np.nan}
     return Result(numbers, arrays, packed_branch)
@@ -125,10 +125,10 @@ def _traced(problem: HarmonicBalance, work: Work) -> list[Branch]:
     """
     stability = set(work.compute) != {"peak"}
     branch = trace(problem, "Omega", work.span, stability=stability, special=stability, accuracy=None)
-    if not stability and any(one.asymptotes for one in branch.curves):
+    if not stability and any(curve.asymptotes for curve in branch.curves):
         branch = trace(problem, "Omega", work.span, accuracy=None)  # peaks are then those of stable motions
     curves = [raise_if_interrupted(branch), *branch.others]
-    incomplete = next((one for one in curves if not one.status.complete), branch)
+    incomplete = next((curve for curve in curves if not curve.status.complete), branch)
     if not incomplete.status.complete or uncovered_intervals(curves, work.span):
         raise ValueError(f"the curve ended early: {incomplete.message}")
     return curves
@@ -139,15 +139,15 @@ def _peak(curves: list[Branch], work: Work, numbers: dict[str, float], arrays: d
 
     Of a curve that grows without bound only stable motions count; if they are unbounded, the amplitude is inf.
     """
-    found = list[tuple[float, float]]()
+    candidates = list[tuple[float, float]]()
     for branch in curves:
         if branch.asymptotes:
-            found += _largest_stable(branch, work)
+            candidates += _largest_stable(branch, work)
             continue
         rows = [row.point for *_, row in locate_peaks(branch, work.measure, work.element, share=0.99)]
         Omega = [*(row.value for row in rows), *branch.values[[0, -1]].tolist()]
-        found += zip(_amplitudes(branch, work, [*(row.X for row in rows), *branch.X[[0, -1]]]), Omega, strict=True)
-    numbers["peak"], numbers["peak_Omega"] = max(found)
+        candidates += zip(_amplitudes(branch, work, [*(row.X for row in rows), *branch.X[[0, -1]]]), Omega, strict=True)
+    numbers["peak"], numbers["peak_Omega"] = max(candidates)
 
 
 def _largest_stable(branch: Branch, work: Work) -> list[tuple[float, float]]:
@@ -173,28 +173,29 @@ def _jumps(curves: list[Branch], work: Work, numbers: dict[str, float], arrays: 
     """Store all jumps, and the frequency of the largest jump in each direction."""
     rows = []
     for branch, landed in zip(curves, landings(curves), strict=True):
-        jumps = [one.jump for one in landed]
+        jumps = [landing.jump for landing in landed]
         ends = [point for jump in jumps for point in (jump.before, jump.after) if point is not None]
-        known = iter(_amplitudes(branch, work, [point.X for point in ends]) if ends else [])
+        amplitudes = iter(_amplitudes(branch, work, [point.X for point in ends]) if ends else [])
         rows += [
-            [jump.value, jump.direction, next(known), np.nan if jump.after is None else next(known)] for jump in jumps
+            [jump.value, jump.direction, next(amplitudes), np.nan if jump.after is None else next(amplitudes)]
+            for jump in jumps
         ]
     arrays["jumps"] = np.array(rows, dtype=float).reshape(-1, 4)
     numbers["jumps"] = float(len(rows))
     for name, direction in (("jump_rising", 1), ("jump_falling", -1)):
-        mine = [row for row in rows if row[1] == direction]
-        top = max(mine, key=lambda row: np.nan_to_num(abs(row[3] - row[2])), default=None)
+        jumps_in_direction = [row for row in rows if row[1] == direction]
+        top = max(jumps_in_direction, key=lambda row: np.nan_to_num(abs(row[3] - row[2])), default=None)
         numbers[name] = np.nan if top is None else float(top[0])
 
 
 def _curve(curves: list[Branch], work: Work, numbers: dict[str, float], arrays: dict[str, Array]) -> None:
     """Store Omega, amplitude and stability; a column of nan separates curves."""
-    parts = []
+    columns = []
     for branch in curves:
         assert branch.stable is not None
         rows = np.array([branch.values, branch.amplitude(work.measure, work.element), branch.stable])
-        parts += [np.full((3, 1), np.nan), rows]
-    arrays["curve"] = np.hstack(parts[1:])
+        columns += [np.full((3, 1), np.nan), rows]
+    arrays["curve"] = np.hstack(columns[1:])
 
 
 _CURVE_RESULTS = {"peak": _peak, "jumps": _jumps, "curve": _curve}
@@ -204,8 +205,8 @@ def check_result(result: Result, work: Work) -> None:
     """Raise an error for a result that does not contain the required numbers and arrays."""
     if result.reason:
         return
-    made_of = {"jumps": (-1, 4), "curve": (3, -1)}
-    for kind, (rows, columns) in made_of.items():
+    shapes = {"jumps": (-1, 4), "curve": (3, -1)}
+    for kind, (rows, columns) in shapes.items():
         if kind in work.compute:
             array = result.arrays.get(kind, np.empty(0))
             if array.ndim != 2 or rows not in (-1, array.shape[0]) or columns not in (-1, array.shape[1]):

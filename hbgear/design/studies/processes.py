@@ -48,7 +48,7 @@ def executor_of(given: Executor | None, processes: int | None, count: int) -> It
         return
     _check_guard()
     workers = min(processes or os.cpu_count() or 1, count)
-    others = set(active_children())
+    existing = set(active_children())
     with ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_initialize_worker) as pool:
         try:
             with _delayed_ctrl_c():
@@ -56,7 +56,7 @@ def executor_of(given: Executor | None, processes: int | None, count: int) -> It
                     pool.submit(os.getpid)
             yield pool
         except BaseException:
-            for process in set(active_children()) - others:
+            for process in set(active_children()) - existing:
                 process.terminate()
             raise
         finally:

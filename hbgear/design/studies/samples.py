@@ -145,11 +145,11 @@ def grid(**values: Sequence[Any]) -> Grid:
     """
     if not values:
         raise ValueError("a grid needs at least one parameter, such as grid(zeta=[0.04, 0.05])")
-    for name, each in values.items():
-        listed = isinstance(each, Collection) and not isinstance(each, str) and getattr(each, "ndim", 1) == 1
-        if not listed or not len(each):
-            raise ValueError(f"grid: {name} = {quoted(each)}: need a list of at least one value")
-        if len({repr(x) for x in each}) < len(each):
+    for name, levels in values.items():
+        listed = isinstance(levels, Collection) and not isinstance(levels, str) and getattr(levels, "ndim", 1) == 1
+        if not listed or not len(levels):
+            raise ValueError(f"grid: {name} = {quoted(levels)}: need a list of at least one value")
+        if len({repr(x) for x in levels}) < len(levels):
             raise ValueError(f"grid: {name} has a value twice; give each once")
     return Grid({name: tuple(x.item() if isinstance(x, np.generic) else x for x in v) for name, v in values.items()})
 
@@ -251,9 +251,9 @@ def _sample(method: str, count: int, seed: int, distributions: Mapping[str, Sequ
         raise ValueError(
             f"a sample of {count} cases needs at least one parameter, such as zeta=('uniform', 0.04, 0.06)"
         )
-    for each in distributions.values():
-        distribution(each)
-    return Sample(method, count, seed, {name: tuple(each) for name, each in distributions.items()})
+    for definition in distributions.values():
+        distribution(definition)
+    return Sample(method, count, seed, {name: tuple(definition) for name, definition in distributions.items()})
 
 
 def distribution(given: Sequence[Any]) -> Any:
@@ -295,8 +295,8 @@ def distribution(given: Sequence[Any]) -> Any:
     if bounds != sorted(bounds) or (bounds and bounds[0] == bounds[-1]) or any(x <= 0 for x in positive):
         raise ValueError(f"{name} of {numbers}: {need}, in ascending order and not all equal, deviations positive")
     with np.errstate(all="ignore"):
-        made = make(stats, *map(float, numbers))
-        ends = made.ppf([_MIN_PROBABILITY, 0.5, 1 - _MIN_PROBABILITY])
+        frozen = make(stats, *map(float, numbers))
+        ends = frozen.ppf([_MIN_PROBABILITY, 0.5, 1 - _MIN_PROBABILITY])
     if not np.all(np.isfinite(ends)):
         raise ValueError(f"{name} of {numbers}: its values overflow; {need} that give smaller values")
-    return made
+    return frozen

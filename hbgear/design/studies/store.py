@@ -84,9 +84,9 @@ class Store:
                 f"'{file}' is not a regular file; move it away, because the study is described in this file"
             )
         if os.path.exists(file):
-            there = _stored_study(file)
-            if there is not None:
-                _check_same(file, there, head)
+            stored = _stored_study(file)
+            if stored is not None:
+                _check_same_study(file, stored, head)
                 return
             self._replace_damaged(file, head)
             return
@@ -141,9 +141,9 @@ class Store:
             numbers, names, reason, seconds = (head.get(name) for name in ("numbers", "arrays", "reason", "seconds"))
             if not (isinstance(numbers, dict) and all(map(_is_number, [*numbers.values(), seconds]))):
                 raise ValueError("its numbers are not numbers")
-            taken = float(seconds or 0)
-            if not 0 <= taken < math.inf:
-                raise ValueError(f"its computing time is {taken} seconds")
+            computing_time = float(seconds or 0)
+            if not 0 <= computing_time < math.inf:
+                raise ValueError(f"its computing time is {computing_time} seconds")
             if not (isinstance(names, list) and all(isinstance(name, str) for name in [*names, reason])):
                 raise ValueError("its names of arrays or its reason are not texts")
             self._check_origin(key, head)
@@ -151,7 +151,7 @@ class Store:
             if any(array.dtype.kind != "f" for array in arrays.values()):
                 raise ValueError("its arrays are not real numbers")
             has_branch = "branch" in archive and archive.array("branch").dtype == np.uint8
-            return Result(numbers, arrays, reason=str(reason), seconds=taken, has_branch=has_branch)
+            return Result(numbers, arrays, reason=str(reason), seconds=computing_time, has_branch=has_branch)
 
     def _check_origin(self, key: str, head: Mapping[str, Any]) -> None:
         """Raise an error for a case of other inputs or of another version of hbgear."""
@@ -190,24 +190,25 @@ def _write(file: Path, head: dict[str, Any]) -> None:
 def _stored_study(file: Path) -> dict[str, Any] | None:
     """Return the content of study.json, or None if it is damaged."""
     try:
-        there = json.loads(file.read_text(encoding="utf-8"))
+        content = json.loads(file.read_text(encoding="utf-8"))
     except (ValueError, RecursionError):
         return None
     kinds = {"schema": int, "hbgear": str, "study": dict}
-    whole = isinstance(there, dict) and all(type(there.get(name)) is kind for name, kind in kinds.items())
-    return there if whole else None
+    is_valid = isinstance(content, dict) and all(type(content.get(name)) is kind for name, kind in kinds.items())
+    return content if is_valid else None
 
 
-def _check_same(file: Path, there: dict[str, Any], head: dict[str, Any]) -> None:
-    versions, before = (there["schema"], there["hbgear"]), there["study"]
+def _check_same_study(file: Path, stored: dict[str, Any], head: dict[str, Any]) -> None:
+    versions, stored_settings = (stored["schema"], stored["hbgear"]), stored["study"]
     if versions != (head["schema"], head["hbgear"]):
         raise ValueError(
             f"'{file}' was written by hbgear {versions[1]}, schema {versions[0]}; this is {head['hbgear']}, schema "
             f"{head['schema']}, and may give other numbers: finish it with the other version, or give another folder"
         )
-    names = [name for name in head["study"] if before.get(name) != head["study"][name]]
+    names = [name for name in head["study"] if stored_settings.get(name) != head["study"][name]]
     if names:
         changed = ", ".join(
-            f"{name} = {quoted(before.get(name))} in the folder, {quoted(head['study'][name])} now" for name in names
+            f"{name} = {quoted(stored_settings.get(name))} in the folder, {quoted(head['study'][name])} now"
+            for name in names
         )
         raise ValueError(f"the folder of '{file}' contains another study ({changed}); give another folder")

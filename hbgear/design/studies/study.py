@@ -133,24 +133,24 @@ def cases(
     keys = [key_of(_inputs(study, row)) for row in rows]
     run = _Run(study, folder, len(set(keys)), progress)
     if folder:
-        for key, found in _stored(folder, dict.fromkeys(keys), work).items():
-            if not (retry and found.reason):
-                run.add(key, found)
-    waiting = {key: row for key, row in zip(keys, rows, strict=True) if key not in run.done}
-    if folder and waiting:
+        for key, result in _stored(folder, dict.fromkeys(keys), work).items():
+            if not (retry and result.reason):
+                run.add(key, result)
+    pending = {key: row for key, row in zip(keys, rows, strict=True) if key not in run.done}
+    if folder and pending:
         folder.check_writable()
     outcome, message = Outcome.FINISHED, "every case was computed"
-    if waiting:
+    if pending:
         try:
-            with executor_of(executor, processes, len(waiting)) as pool:
-                outcome, message = run.compute(pool, reference_of(type(model)), waiting, work)
+            with executor_of(executor, processes, len(pending)) as pool:
+                outcome, message = run.compute(pool, reference_of(type(model)), pending, work)
         except KeyboardInterrupt:  # a second one, while running cases were finishing, or one before the first case
-            outcome, message = Outcome.INTERRUPTED, f"interrupted; {run.kept}"
-    branch_of = partial(_packed_of, folder, run.done, keys)
+            outcome, message = Outcome.INTERRUPTED, f"interrupted; {run.kept_text}"
+    branch_of = partial(_packed_branch, folder, run.done, keys)
     return collect(model, work, vary.names, rows, keys, run.done, outcome, message, branch_of)
 
 
-def _packed_of(folder: Store | None, done: Mapping[str, Result], keys: list[str], case: int) -> bytes:
+def _packed_branch(folder: Store | None, done: Mapping[str, Result], keys: list[str], case: int) -> bytes:
     """Return the packed branch of a case from its file, or from memory without a store."""
     key = keys[case]
     return folder.branch(key) if folder else done[key].branch
@@ -158,19 +158,19 @@ def _packed_of(folder: Store | None, done: Mapping[str, Result], keys: list[str]
 
 def _stored(folder: Store, keys: Iterable[str], work: Work) -> dict[str, Result]:
     """Return the stored cases by key; warn about cases that cannot be read."""
-    found, lost = {}, []
+    results, lost = {}, []
     for key in keys:
         try:
             result = folder.read(key)
             if result is not None:
                 check_result(result, work)
-                found[key] = result
+                results[key] = result
         except (OSError, ValueError) as error:
             lost.append(f"'{folder.path(key)}': {error}")
     if lost:
         text = f"{len(lost)} stored case{'s' if len(lost) > 1 else ''} cannot be read and will be computed again"
         warnings.warn(f"{text} ({lost[0]}{', ...' if lost[1:] else ''})", stacklevel=3)
-    return found
+    return results
 
 
 class _NotStored(Exception):
@@ -213,7 +213,7 @@ class _Run:
             self.failed.add(key)
 
     @property
-    def kept(self) -> str:
+    def kept_text(self) -> str:
         """Text that states where the finished cases are."""
         return (
             "the finished cases are stored; run the study again to compute the others"
@@ -222,7 +222,7 @@ class _Run:
         )
 
     def compute(
-        self, pool: Executor, cls: type[Model] | str, waiting: Mapping[str, dict[str, Any]], work: Work
+        self, pool: Executor, cls: type[Model] | str, pending: Mapping[str, dict[str, Any]], work: Work
     ) -> tuple[Outcome, str]:
         """Compute the waiting cases, store each finished one, and return the reason for the end.
 
@@ -231,13 +231,13 @@ class _Run:
         running: dict[Future[list[Result]], list[str]] = {}
         try:
             try:
-                self._compute(pool, cls, waiting, work, running)
+                self._compute(pool, cls, pending, work, running)
             except KeyboardInterrupt:
-                self._finish(running, waiting)
-                return Outcome.INTERRUPTED, f"interrupted; {self.kept}"
+                self._finish(running, pending)
+                return Outcome.INTERRUPTED, f"interrupted; {self.kept_text}"
             except _ExecutorFailed as failure:
-                self._finish(running, waiting, patience=0.0)
-                return Outcome.WORKERS_LOST, f"{failure}; {self.kept}"
+                self._finish(running, pending, patience=0.0)
+                return Outcome.WORKERS_LOST, f"{failure}; {self.kept_text}"
             return Outcome.FINISHED, "every case was computed"
         except _NotStored as failure:
             for future in running:
@@ -248,44 +248,44 @@ class _Run:
             )
 
     def _compute(
-        self, pool: Executor, cls: type[Model] | str, waiting: Mapping[str, dict[str, Any]], work: Work,
+        self, pool: Executor, cls: type[Model] | str, pending: Mapping[str, dict[str, Any]], work: Work,
         running: dict[Future[list[Result]], list[str]],
     ) -> None:  # fmt: skip
         """Submit groups of cases and store their results; ``running`` contains the groups that are not finished."""
-        queue, done, group_size = deque(waiting), SimpleQueue[Future[list[Result]]](), 1
+        queue, finished, group_size = deque(pending), SimpleQueue[Future[list[Result]]](), 1
         self._show()
         while True:
             while len(running) < _MAX_PENDING_GROUPS and queue:
                 keys = [queue.popleft() for _ in range(min(group_size, len(queue)))]
-                future = _submitted(pool, cls, [_inputs(self.study, waiting[key])["fields"] for key in keys], work)
+                future = _submitted(pool, cls, [_inputs(self.study, pending[key])["fields"] for key in keys], work)
                 running[future] = keys
-                future.add_done_callback(done.put)  # faster than `wait` for the first of hundreds
+                future.add_done_callback(finished.put)  # faster than `wait` for the first of hundreds
             if not running:
                 return
-            future = done.get()
+            future = finished.get()
             results = _result(future)
-            self._keep(running[future], waiting, results)
+            self._keep(running[future], pending, results)
             queue.extend(running.pop(future)[len(results) :])
             slowest = max(1e-6, *(result.seconds for result in results))
             group_size = min(max(int(_GROUP_SECONDS / slowest), 1), _MAX_PENDING_GROUPS)
 
     def _finish(
-        self, running: Mapping[Future[list[Result]], list[str]], waiting: Mapping[str, dict[str, Any]],
+        self, running: Mapping[Future[list[Result]], list[str]], pending: Mapping[str, dict[str, Any]],
         patience: float | None = None,
     ) -> None:  # fmt: skip
         """Keep running cases that cannot be cancelled and finish within ``patience`` seconds."""
-        left = [future for future in running if not future.cancel()]
-        for future in wait(left, timeout=patience).done:
+        uncancelled = [future for future in running if not future.cancel()]
+        for future in wait(uncancelled, timeout=patience).done:
             if not future.cancelled() and future.exception() is None:
-                self._keep(running[future], waiting, future.result())
+                self._keep(running[future], pending, future.result())
 
-    def _keep(self, keys: Sequence[str], waiting: Mapping[str, dict[str, Any]], results: Sequence[Result]) -> None:
+    def _keep(self, keys: Sequence[str], pending: Mapping[str, dict[str, Any]], results: Sequence[Result]) -> None:
         """Add and store the finished cases of a group, which are its first ones."""
         for key, result in zip(keys, results, strict=False):
             self.add(key, result)
             if self.folder:
                 try:
-                    self.folder.write(key, _inputs(self.study, waiting[key]), result)
+                    self.folder.write(key, _inputs(self.study, pending[key]), result)
                 except OSError as error:
                     raise _NotStored(error) from error
                 self.add(key, replace(result, branch=b""))  # a branch is large and stored in the file
@@ -321,10 +321,10 @@ def _check(model: Model, vary: Grid | Sample, work: Work, most: int) -> None:
     if vary.size > most:
         raise ValueError(f"{vary.size:,} cases, more than {most:,}; make the grid coarser, or allow them with most=")
     fields = describe(model)["fields"]
-    known = [*model.entries, *model.parameters, *(() if isinstance(vary, Sample) else fields)]
+    allowed = [*model.entries, *model.parameters, *(() if isinstance(vary, Sample) else fields)]
     for name in vary.names:
-        if name not in known:
-            raise KeyError(f"{type(model).__name__} has no parameter '{name}'{did_you_mean(name, known)}")
+        if name not in allowed:
+            raise KeyError(f"{type(model).__name__} has no parameter '{name}'{did_you_mean(name, allowed)}")
     check_work(model, work)
 
 

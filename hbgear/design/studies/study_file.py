@@ -110,7 +110,9 @@ def _subject(name: str, data: Mapping[str, Any], folder: Path) -> _Subject:
         from hbgear.io.machines.model_file import read_model
 
         model = read_model(folder / name)
-        return _Subject(model, {each: _quantity_kind(each, model) for each in {**model.parameters, **model.entries}})
+        return _Subject(
+            model, {parameter: _quantity_kind(parameter, model) for parameter in {**model.parameters, **model.entries}}
+        )
     cls = model_class(name)
     kinds = {n: list[float] if typing.get_origin(k) is tuple else k for n, k in plain_kinds_of(cls).items()}
     return _Subject(cls, kinds | dict.fromkeys(_entries(cls, data), float))
@@ -217,15 +219,15 @@ def _is_float(kind: Any) -> bool:
     return kind is float or typing.get_origin(kind) is Annotated
 
 
-def _distribution(name: str, model: type[Model] | Model, given: list[Any]) -> list[Any]:
+def _distribution(name: str, model: type[Model] | Model, definition: list[Any]) -> list[Any]:
     """Return a distribution with its numbers in the unit of the label of a parameter."""
-    if given and isinstance(model, Model):
-        given = [given[0], *(_quantity(name, model, value) for value in given[1:])]
+    if definition and isinstance(model, Model):
+        definition = [definition[0], *(_quantity(name, model, value) for value in definition[1:])]
     try:
-        distribution(given)
+        distribution(definition)
     except KeyError as error:
         raise ValueError(error.args[0]) from None
-    return given
+    return definition
 
 
 def _study(checked: Any, subject: _Subject | None) -> Study:
@@ -247,7 +249,7 @@ def _study(checked: Any, subject: _Subject | None) -> Study:
     compute = checked.compute
     with _errors_of_table("compute"):
         given = compute.span or model.default_span
-        first, last = (Omega_of(model, "span", one) if isinstance(one, str) else one for one in given)
+        first, last = (Omega_of(model, "span", x) if isinstance(x, str) else x for x in given)
         if first == last or min(first, last) <= 0:
             raise ValueError(f"span = {list(given)}: need two different positive frequencies")
         what, critical, span = tuple(compute.what), tuple(compute.critical), (first, last)

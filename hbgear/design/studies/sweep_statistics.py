@@ -116,17 +116,19 @@ def sweep_statistics(
     >>> hb.design.sweep_statistics(found, [1.0, 1.39]).jumped_rising.tolist()
     [0.0, 0.5]
     """
-    given = np.linspace(min(found.work.span), max(found.work.span), 200) if Omega is None else np.asarray(Omega, float)
+    frequencies = (
+        np.linspace(min(found.work.span), max(found.work.span), 200) if Omega is None else np.asarray(Omega, float)
+    )
     levels = np.asarray(quantiles, dtype=float)
-    if given.ndim != 1 or not given.size or not (np.diff(given) > 0).all():
+    if frequencies.ndim != 1 or not frequencies.size or not (np.diff(frequencies) > 0).all():
         raise ValueError("sweep_statistics: Omega must be a list of ascending values")
     if not levels.size or not ((levels >= 0) & (levels <= 1)).all():
         raise ValueError(f"sweep_statistics: quantiles = {quoted(quantiles)} must be between 0 and 1")
-    up, down = (sweep_responses(found, given, direction) for direction in (1, -1))
-    stable = np.array([_stable_count(curve, given) for curve in found.curves.values()])
+    rising, falling = (sweep_responses(found, frequencies, direction) for direction in (1, -1))
+    stable = np.array([_stable_count(curve, frequencies) for curve in found.curves.values()])
     return SweepStatistics(
-        given, levels, _quantiles(up.amplitude, levels), _quantiles(down.amplitude, levels),
-        (up.jumped > 0).mean(axis=0), (down.jumped > 0).mean(axis=0), (stable > 1).mean(axis=0),
+        frequencies, levels, _quantiles(rising.amplitude, levels), _quantiles(falling.amplitude, levels),
+        (rising.jumped > 0).mean(axis=0), (falling.jumped > 0).mean(axis=0), (stable > 1).mean(axis=0),
         (stable > 0).mean(axis=0),
     )  # fmt: skip
 
@@ -157,12 +159,12 @@ def sweep_responses(found: Cases, Omega: Array, direction: int) -> SweepResponse
     ValueError
         If no curve with a stable motion is stored.
     """
-    known = "jumps" in found.work.compute
+    has_jumps = "jumps" in found.work.compute
     responses = []
     rows = np.broadcast_to(Omega, (len(found.curves), np.shape(Omega)[-1]))
-    for (case, curve), own in zip(found.curves.items(), rows, strict=True):
-        mine = found.jumps[(found.jumps[:, 0] == case) & (found.jumps[:, 2] == direction)][:, [1, 3, 4]]
-        responses.append(sweep_response(curve, mine if known else None, own, direction))
+    for (case, curve), frequencies in zip(found.curves.items(), rows, strict=True):
+        jumps = found.jumps[(found.jumps[:, 0] == case) & (found.jumps[:, 2] == direction)][:, [1, 3, 4]]
+        responses.append(sweep_response(curve, jumps if has_jumps else None, frequencies, direction))
     if not any(np.isfinite(amplitude).any() for amplitude, _ in responses):
         raise ValueError("there are no curves with stable motions; compute them: compute=('curve',)")
     return SweepResponses(*(np.array(column) for column in zip(*responses, strict=True)))
@@ -185,19 +187,19 @@ def sweep_response(curve: Array, jumps: Array | None, Omega: Array, direction: i
     """
     segments = [(direction * x, y) for x, y in stable_segments(curve)]
     segments = [(x[::direction], y[::direction]) for x, y in segments]
-    at = (direction * Omega)[::direction]
-    amplitude, count = np.full(len(at), np.nan), np.zeros(len(at))
+    frequencies = (direction * Omega)[::direction]
+    amplitude, count = np.full(len(frequencies), np.nan), np.zeros(len(frequencies))
     tolerance = JUMP_TOLERANCE * float(np.nanmax(curve[0]) - np.nanmin(curve[0]))
-    here, start, jump_count = min(segments, key=lambda part: part[0][0], default=None), -np.inf, 0
-    while here is not None:
-        x, y = here
-        inside = (at >= max(start, x[0])) & (at <= x[-1])
-        amplitude[inside] = np.interp(at[inside], x, y)
+    segment, start, jump_count = min(segments, key=lambda part: part[0][0], default=None), -np.inf, 0
+    while segment is not None:
+        x, y = segment
+        within = (frequencies >= max(start, x[0])) & (frequencies <= x[-1])
+        amplitude[within] = np.interp(frequencies[within], x, y)
         start = x[-1]
-        count[at > start] = jump_count
-        here, jumped = _next_segment(segments, here, _amplitude_after(jumps, direction * start, tolerance))
+        count[frequencies > start] = jump_count
+        segment, jumped = _next_segment(segments, segment, _amplitude_after(jumps, direction * start, tolerance))
         jump_count += jumped
-        count[at > start] = jump_count
+        count[frequencies > start] = jump_count
     return amplitude[::direction], count[::direction]
 
 
@@ -205,17 +207,17 @@ def stable_segments(curve: Array) -> Iterator[tuple[Array, Array]]:
     """Yield Omega, ascending, and amplitude of each stable segment between folds; a fold belongs to both neighbours."""
     separators = np.flatnonzero(np.isnan(curve[0]))
     for part in np.split(curve, separators, axis=1):
-        yield from _segments_of(part[:, np.isfinite(part[0])])
+        yield from _curve_segments(part[:, np.isfinite(part[0])])
 
 
-def _segments_of(curve: Array) -> Iterator[tuple[Array, Array]]:
+def _curve_segments(curve: Array) -> Iterator[tuple[Array, Array]]:
     """Yield the stable segments of a single curve."""
     values, amplitude, stable = curve
-    ahead = np.sign(np.diff(values))
+    steps = np.sign(np.diff(values))
     fold = np.zeros(len(values), dtype=bool)
-    fold[1:-1] = ahead[1:] != ahead[:-1]
+    fold[1:-1] = steps[1:] != steps[:-1]
     is_stable = stable.astype(bool)
-    direction = ahead * ((is_stable[:-1] | fold[:-1]) & (is_stable[1:] | fold[1:]) & (is_stable[:-1] | is_stable[1:]))
+    direction = steps * ((is_stable[:-1] | fold[:-1]) & (is_stable[1:] | fold[1:]) & (is_stable[:-1] | is_stable[1:]))
     for first, last in pairwise([0, *(np.flatnonzero(np.diff(direction)) + 1), len(direction)]):
         if first < last and direction[first]:
             points = slice(first, last + 1)
@@ -227,16 +229,16 @@ def _amplitude_after(jumps: Array | None, Omega: float, tolerance: float) -> flo
     """Return the amplitude after the jump at the end of a segment: nan if it is unknown, None without a jump."""
     if jumps is None:
         return np.nan
-    near = [jump for jump in jumps if abs(jump[0] - Omega) <= tolerance]
-    return float(min(near, key=lambda jump: abs(jump[0] - Omega))[2]) if near else None
+    candidates = [jump for jump in jumps if abs(jump[0] - Omega) <= tolerance]
+    return float(min(candidates, key=lambda jump: abs(jump[0] - Omega))[2]) if candidates else None
 
 
 def _next_segment(
-    segments: list[tuple[Array, Array]], here: tuple[Array, Array], after: float | None
+    segments: list[tuple[Array, Array]], segment: tuple[Array, Array], after: float | None
 ) -> tuple[tuple[Array, Array] | None, int]:
     """Return the segment that follows the end of a segment, or None, and 1 if the sweep jumped to it, else 0."""
-    end, height = here[0][-1], here[1][-1]
-    candidates = [part for part in segments if part is not here and part[0][0] <= end < part[0][-1]]
+    end, height = segment[0][-1], segment[1][-1]
+    candidates = [part for part in segments if part is not segment and part[0][0] <= end < part[0][-1]]
     if candidates and after is not None:
         target = height if np.isnan(after) else after
         return min(candidates, key=lambda part: abs(float(np.interp(end, *part)) - target)), 1

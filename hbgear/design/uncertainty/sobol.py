@@ -97,15 +97,15 @@ def sobol_indices(found: Cases, quantity: str = "peak", *, seed: int = 0) -> Sob
         raise KeyError(f"there is no column '{quantity}'{did_you_mean(quantity, table)}")
     width = len(found.names) + 2
     Y = _blocks(found, table[quantity], width)
-    known = np.isfinite(Y).all(axis=1)
-    count, some = len(Y), int(known.sum())
-    if 2 * some < count or some < 2:
-        raise ValueError(f"{quantity} is known in {some} of {count} blocks of cases; too few for indices")
-    if np.ptp(Y[known]) <= 1e-12 * np.abs(Y[known]).max():
+    valid = np.isfinite(Y).all(axis=1)
+    count, count_valid = len(Y), int(valid.sum())
+    if 2 * count_valid < count or count_valid < 2:
+        raise ValueError(f"{quantity} is known in {count_valid} of {count} blocks of cases; too few for indices")
+    if np.ptp(Y[valid]) <= 1e-12 * np.abs(Y[valid]).max():
         raise ValueError(f"{quantity} does not vary, so its indices are not defined")
     analyze = needed("SALib.analyze.sobol", "sobol", "Sobol indices").analyze
     settings = {"num_vars": len(found.names), "names": list(found.names), "bounds": [[0.0, 1.0]] * len(found.names)}
-    indices = analyze(settings, Y[known].ravel(), calc_second_order=False, seed=seed + 1)  # for SALib 0 means no seed
+    indices = analyze(settings, Y[valid].ravel(), calc_second_order=False, seed=seed + 1)  # for SALib 0 means no seed
     first, total = (
         {
             name: (float(indices[key][j]), float(indices[f"{key}_conf"][j]) / _INTERVAL_SIGMAS)
@@ -113,7 +113,7 @@ def sobol_indices(found: Cases, quantity: str = "peak", *, seed: int = 0) -> Sob
         }
         for key in ("S1", "ST")
     )
-    return SobolIndices(quantity, first, total, count, count - some)
+    return SobolIndices(quantity, first, total, count, count - count_valid)
 
 
 def _blocks(found: Cases, results: Array, width: int) -> Array:
@@ -126,7 +126,7 @@ def _blocks(found: Cases, results: Array, width: int) -> Array:
     blocks = values.reshape(-1, width, len(found.names) + 1)
     a = blocks[:, :1, :-1]
     with np.errstate(invalid="ignore"):
-        same = (blocks[:, 1:-1, :-1] == a) | np.isnan(blocks[:, 1:-1, :-1] + a)
-    if not (same | np.eye(len(found.names), dtype=bool)).all():
+        exchanged = (blocks[:, 1:-1, :-1] == a) | np.isnan(blocks[:, 1:-1, :-1] + a)
+    if not (exchanged | np.eye(len(found.names), dtype=bool)).all():
         raise ValueError("the cases are not a sample from saltelli; compute them with vary=saltelli(...)")
     return np.asarray(blocks[..., -1])

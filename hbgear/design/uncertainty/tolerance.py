@@ -146,39 +146,41 @@ def jump_tolerance(
         raise ValueError("the curve has no jumps; trace it with stability over a span with folds")
     names, s = tuple(spread), np.array([float(x) for x in spread.values()])
     xi = np.random.default_rng(seed).normal(size=(draws, len(names)))
-    found = []
+    tolerances = []
     for number, jump in enumerate(branch.jumps()):
         derivatives = sensitivity(jump.before, names)
         physical = branch.parameter == "Omega" and PINION in derivatives.quantities
-        own = unit or (PINION if physical else branch.parameter)
-        if own not in (branch.parameter, *([MESH, PINION] if physical else [])):
-            raise ValueError(f"jump_tolerance: unit = {quoted(own)} is unknown for this curve; leave it out")
-        slopes = derivatives.slopes[derivatives.quantities.index(own)]
+        chosen = unit or (PINION if physical else branch.parameter)
+        if chosen not in (branch.parameter, *([MESH, PINION] if physical else [])):
+            raise ValueError(f"jump_tolerance: unit = {quoted(chosen)} is unknown for this curve; leave it out")
+        slopes = derivatives.slopes[derivatives.quantities.index(chosen)]
         effects = dict(zip(names, (slopes * s).tolist(), strict=True))
         frequencies: list[float] = []
         lost = 0
-        again = RelocatedPoint(jump.before, names)
-        refused = [again.refused(s * row) for row in xi]
+        solver = RelocatedPoint(jump.before, names)
+        refused = [solver.refused(s * row) for row in xi]
         if any(refused):
-            why = ", ".join(sorted({*refused} - {""}))
-            text = f"{sum(map(bool, refused))} of {draws} draws are left out, because {why}"
+            reasons = ", ".join(sorted({*refused} - {""}))
+            text = f"{sum(map(bool, refused))} of {draws} draws are left out, because {reasons}"
             warnings.warn(f"{text}; the others are a one-sided sample", stacklevel=3)
         for i, row in enumerate(xi):
             if refused[i]:
                 continue
             if progress is not None:
-                done = (number + i / draws) / len(branch.jumps())
-                progress(Progress(done, f"{jump.label}: {i} of {draws} draws"))
+                progress_fraction = (number + i / draws) / len(branch.jumps())
+                progress(Progress(progress_fraction, f"{jump.label}: {i} of {draws} draws"))
             try:
                 with np.errstate(all="ignore"):  # in draws without such a point
-                    U, here = again.solved(s * row)
+                    U, parameters = solver.solved(s * row)
                 p = float(U[-1])
-                speeds = {} if own == branch.parameter else speeds_at(branch.problem.model, {**here, "Omega": p})
-                frequencies.append(speeds.get(own, p))
+                speeds = (
+                    {} if chosen == branch.parameter else speeds_at(branch.problem.model, {**parameters, "Omega": p})
+                )
+                frequencies.append(speeds.get(chosen, p))
             except (NoConvergence, ValueError, np.linalg.LinAlgError):
                 lost += 1
-        found.append(JumpTolerance(
-            jump.label, jump.direction, derivatives.size(own), effects, float(np.linalg.norm(slopes * s)),
-            np.array(frequencies), lost, own,
+        tolerances.append(JumpTolerance(
+            jump.label, jump.direction, derivatives.size(chosen), effects, float(np.linalg.norm(slopes * s)),
+            np.array(frequencies), lost, chosen,
         ))  # fmt: skip
-    return tuple(found)
+    return tuple(tolerances)

@@ -95,17 +95,17 @@ class ResponseBand:
     @property
     def at_frequency(self) -> Array:
         """Standard deviation (P,) of the amplitude at constant frequency; infinite at folds."""
-        return self._held(1)
+        return self._deviation_along(1)
 
     @property
     def at_amplitude(self) -> Array:
         """Standard deviation (P,) of the frequency at constant amplitude; infinite at peaks."""
-        return self._held(0)
+        return self._deviation_along(0)
 
-    def _held(self, axis: int) -> Array:
+    def _deviation_along(self, axis: int) -> Array:
         with np.errstate(divide="ignore", invalid="ignore"):
-            out: Array = self.size[axis] * self.deviation / np.abs(self.normal[:, axis])
-        return out
+            deviation: Array = self.size[axis] * self.deviation / np.abs(self.normal[:, axis])
+        return deviation
 
     @checked_arguments()
     def edges(self, sigmas: float = 2.0) -> tuple[Array, Array]:
@@ -198,13 +198,13 @@ def response_band(
         if name == branch.parameter:
             raise ValueError(f"{name} is the continuation parameter of the curve; name other parameters that scatter")
     metres = to_si("response_band", "length", f"1 {length}", "m") if length else 1.0
-    x, y, along, moved = _in_plane(branch, problem, names, measure, element, unit, metres if length else 0.0)
+    x, y, direction, shifts = _in_plane(branch, problem, names, measure, element, unit, metres if length else 0.0)
     size = (float(np.ptp(x)) or 1.0, float(np.ptp(y)) or 1.0)
-    along, moved = along / size, moved / size
+    direction, shifts = direction / size, shifts / size
     with np.errstate(invalid="ignore", divide="ignore"):
-        normal = np.column_stack([-along[:, 1], along[:, 0]]) / np.linalg.norm(along, axis=1)[:, None]
-    g = np.einsum("pax,px->pa", moved, normal)
-    points = np.einsum("pax,ab,pby->pxy", moved, covariance, moved)
+        normal = np.column_stack([-direction[:, 1], direction[:, 0]]) / np.linalg.norm(direction, axis=1)[:, None]
+    g = np.einsum("pax,px->pa", shifts, normal)
+    points = np.einsum("pax,ab,pby->pxy", shifts, covariance, shifts)
     deviation = np.sqrt(np.einsum("px,pxy,py->p", normal, points, normal).clip(0.0))
     effects = g * np.sqrt(np.diag(covariance))
     return ResponseBand(branch, measure, element, unit, length, x, y, names, normal, size, points, effects, deviation)
@@ -239,39 +239,39 @@ def _in_plane(
             "response_band: a curve in contact instants has no derivatives by parameters; trace HarmonicBalance(model, "
             "harmonics) with a start (start=problem.start(Omega=...)) for the band"
         )
-    own = problem.at_resolution_of(branch[0]).with_cache_size(2 * len(names) + 2)
+    fixed = problem.at_resolution_of(branch[0]).with_cache_size(2 * len(names) + 2)
     n, entries = branch.X.shape[1], problem.model.entries
-    along, moved = np.full((len(branch), n + 1), math.nan), np.full((len(branch), len(names), n + 1), math.nan)
-    for i, ahead in enumerate(_secants(branch)):
-        here = {**entries, **branch.parameters_at(i)}
+    direction, shifts = np.full((len(branch), n + 1), math.nan), np.full((len(branch), len(names), n + 1), math.nan)
+    for i, secant in enumerate(_secants(branch)):
+        parameters = {**entries, **branch.parameters_at(i)}
         try:
             U = np.append(branch.X[i], branch.values[i])
-            along[i], slopes = of_curve(own, U, here, branch.parameter, ahead, names)
+            direction[i], slopes = of_curve(fixed, U, parameters, branch.parameter, secant, names)
         except np.linalg.LinAlgError:
             continue  # intersection of two curves: nan
-        moved[i] = np.concatenate([slopes.X, slopes.p[:, None]], axis=1)
-    every = np.concatenate([along[:, None], moved], axis=1)
-    rates = measured_along(layout, measure, element, branch.X, every[..., :n])
-    x, y, dx, dy = branch.values, branch.amplitude(measure, element), every[..., n].copy(), rates
-    known, changes = units_at(own, {**entries, **branch.parameters_at(0)}, names)
+        shifts[i] = np.concatenate([slopes.X, slopes.p[:, None]], axis=1)
+    rates_of_unknowns = np.concatenate([direction[:, None], shifts], axis=1)
+    rates = measured_along(layout, measure, element, branch.X, rates_of_unknowns[..., :n])
+    x, y, dx, dy = branch.values, branch.amplitude(measure, element), rates_of_unknowns[..., n].copy(), rates
+    units, unit_slopes = units_at(fixed, {**entries, **branch.parameters_at(0)}, names)
     if unit != "Omega":
-        x, dx = _scaled(unit, 1.0, x, dx, known, changes, problem)
+        x, dx = _scaled(unit, 1.0, x, dx, units, unit_slopes, problem)
     if metres:
-        y, dy = _scaled(LENGTH, 1.0 / metres, y, dy, known, changes, problem)
+        y, dy = _scaled(LENGTH, 1.0 / metres, y, dy, units, unit_slopes, problem)
     plane = np.stack([dx, dy], axis=-1)
     return x, y, plane[:, 0], plane[:, 1:]
 
 
 def _scaled(
-    unit: str, factor: float, x: Array, dx: Array, known: Mapping[str, float], changes: Mapping[str, Array],
+    unit: str, factor: float, x: Array, dx: Array, units: Mapping[str, float], unit_slopes: Mapping[str, Array],
     problem: HarmonicBalance,
 ) -> tuple[Array, Array]:  # fmt: skip
     """Return values (P,) and derivatives (P, 1 + A) in a unit of the model, including the derivatives of the unit."""
-    if unit not in known:
+    if unit not in units:
         raise ValueError(f"response_band: {type(problem.model).__name__} does not know its units; leave them out")
-    scale = factor * known[unit]
-    moved = np.append(0.0, factor * changes[unit])
-    return scale * x, scale * dx + x[:, None] * moved
+    scale = factor * units[unit]
+    scale_slopes = np.append(0.0, factor * unit_slopes[unit])
+    return scale * x, scale * dx + x[:, None] * scale_slopes
 
 
 def _secants(branch: Branch) -> Array:
