@@ -97,13 +97,13 @@ def bifurcation_diagram(
                 f"the curve is in {curve.parameter}, the diagram in {found.parameter}: trace the curve in "
                 f"{found.parameter}"
             )
-    own, first = ax is None, found.sweeps[0]
+    is_new, first = ax is None, found.sweeps[0]
     name = first.elements[first.index(element)] or f"element {first.index(element)}"
     model = model or (model_of(curves[0]) if curves else None)
     length = None if dimensionless or rate else length_scale(model, {})
     factor = factor_of(measure, length) if measure else factor_of("max", length)
-    known = scales(model, {}) if found.parameter == "Omega" else {}
-    across = OmegaAxis(known, first.labels.get(found.parameter, found.parameter), dimensionless)
+    units = scales(model, {}) if found.parameter == "Omega" else {}
+    abscissa = OmegaAxis(units, first.labels.get(found.parameter, found.parameter), dimensionless)
     with styled():
         ax = axes_or_new(ax, (5.6, 3.7))
         for curve in curves:
@@ -111,9 +111,9 @@ def bifurcation_diagram(
                 response(curve, measure, element, ax, color=GREY, label="periodic motions", jumps=False, legend=False,
                          speeds=False, dimensionless=dimensionless)  # fmt: skip
             else:
-                _section_lines(ax, curve, element, rate, across.scale, factor)
+                _section_lines(ax, curve, element, rate, abscissa.scale, factor)
         for verdict, colour in VERDICTS.items():
-            x, y = (np.concatenate(parts) for parts in zip(*(
+            x, y = (np.concatenate(columns) for columns in zip(*(
                 _dots(sweep, kinds == verdict, measure, element, rate)
                 for sweep, kinds in zip(found.sweeps, found.verdicts, strict=True)
             ), strict=True))  # fmt: skip
@@ -121,25 +121,25 @@ def bifurcation_diagram(
                 continue
             size = _DOT if verdict is Verdict.PERIODIC or measure else _SMALL_DOT
             ax.plot(
-                across.scale * x, factor * y, "o", color=colour, markersize=size, markeredgewidth=0, zorder=5,
+                abscissa.scale * x, factor * y, "o", color=colour, markersize=size, markeredgewidth=0, zorder=5,
                 label=verdict.value, gid=verdict.value, rasterized=len(x) > _MAX_VECTOR_DOTS,
             )  # fmt: skip
-        ax.set_xlabel(across.label)
+        ax.set_xlabel(abscissa.label)
         motion = name if length is None else f"{name} [{MICROMETRE}]"
         section = f"{'rate of ' if rate else ''}{name} at " + r"$\tau = 0$" + motion.removeprefix(name)
         ax.set_ylabel(in_figure(axis_text(measure, motion) if measure else section))
         ax.margins(y=0.08)  # space for labels
         dress(ax)
-        if own and scaled_axes(ax, across.above):
+        if is_new and scaled_axes(ax, abscissa.above):
             heighten(ax)
         if legend:
             add_legend(ax)
     return ax
 
 
-def _dots(sweep: Sweep, which: np.ndarray, measure: str, element: int | str, rate: bool) -> tuple[Array, Array]:
+def _dots(sweep: Sweep, selected: np.ndarray, measure: str, element: int | str, rate: bool) -> tuple[Array, Array]:
     """Return values of the parameter and heights of the points of some motions of a sweep."""
-    rows, j = np.flatnonzero(which), sweep.index(element)
+    rows, j = np.flatnonzero(selected), sweep.index(element)
     if measure:
         return sweep.values[rows], sweep.amplitude(measure, element)[rows]
     heights = [sweep.points[i][:, j, int(rate)] for i in rows]

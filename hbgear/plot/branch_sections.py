@@ -13,10 +13,10 @@ from hbgear.plot.style import State, regime_of
 
 def states(branch: Branch, element: int | str) -> list[State]:
     """Return the regime of the element and the stability at each point."""
-    known: dict[str, bool | str] = {
+    stable_by_word: dict[str, bool | str] = {
         "stable": True, "neutral": True, "unstable": False, "undecided": "undecided",
     }  # fmt: skip
-    stable = [known.get(state) for state in branch.stability]
+    stable = [stable_by_word.get(state) for state in branch.stability]
     layout = layout_of(branch)
     return [(regime_of(layout, codes, element), s) for codes, s in zip(branch.regime, stable, strict=True)]
 
@@ -26,11 +26,11 @@ def sections(branch: Branch, element: int | str) -> list[tuple[State, int, int]]
 
     A special point ends a section: the segment after it has the state of its other end.
     """
-    each = states(branch, element)
+    point_states = states(branch, element)
     borders = {point.index for point in branch.special}
-    runs = [(each[0], 0, 0)] if len(each) == 1 else []
-    for i in range(len(each) - 1):
-        state = each[i + 1] if i in borders and i + 1 not in borders else each[i]
+    runs = [(point_states[0], 0, 0)] if len(point_states) == 1 else []
+    for i in range(len(point_states) - 1):
+        state = point_states[i + 1] if i in borders and i + 1 not in borders else point_states[i]
         if runs and runs[-1][0] == state:
             runs[-1] = (state, runs[-1][1], i + 1)
         else:
@@ -92,17 +92,19 @@ class SmoothCurve:
 
         line = Akima1DInterpolator(self.along[self.distinct], self.xy[:, self.distinct], axis=1)
         knots = self.along[points]
-        parts = np.ceil(np.diff(knots) / (_LONGEST_CHORD / enlarged)).clip(1, _MOST_CHORDS).astype(int)
-        at = np.append(np.repeat(knots[:-1], parts) + _inside(np.diff(knots), parts), knots[-1])
-        x, y = line(at.clip(self.along[0], self.along[self.distinct][-1]))
-        corners = np.concatenate([[0], np.cumsum(parts)])
+        chord_counts = np.ceil(np.diff(knots) / (_LONGEST_CHORD / enlarged)).clip(1, _MOST_CHORDS).astype(int)
+        positions = np.append(
+            np.repeat(knots[:-1], chord_counts) + _division_points(np.diff(knots), chord_counts), knots[-1]
+        )
+        x, y = line(positions.clip(self.along[0], self.along[self.distinct][-1]))
+        corners = np.concatenate([[0], np.cumsum(chord_counts)])
         x[corners], y[corners] = self.x[points], self.y[points]
         return x, y
 
 
-def _inside(lengths: Array, parts: NDArray[np.int64]) -> Array:
+def _division_points(lengths: Array, counts: NDArray[np.int64]) -> Array:
     """Return the distances from the start of each segment that divide it into equal parts."""
-    return np.concatenate([length * np.arange(n) / n for length, n in zip(lengths, parts, strict=True)])
+    return np.concatenate([length * np.arange(n) / n for length, n in zip(lengths, counts, strict=True)])
 
 
 _LONGEST_CHORD, _MOST_CHORDS = 0.004, 8

@@ -130,25 +130,25 @@ def response(
                                 legend=legend, dimensionless=dimensionless)  # fmt: skip
     height = Ordinate(measure or usual_measure(branch, dimensionless), element, dof, dimensionless)
     branch = height.prepared(branch)
-    across = Abscissa([branch], dimensionless)
+    abscissa = Abscissa([branch], dimensionless)
     amplitude = height.along(branch)
-    own, fresh = ax is None, ax is None or not ax.has_data()
+    is_new, is_empty = ax is None, ax is None or not ax.has_data()
     with styled():
         ax = axes_or_new(ax, (5.0, 3.4))
-        _curve(ax, branch, across.along(branch), amplitude, element, "black" if label and not color else color, label)
+        _curve(ax, branch, abscissa.along(branch), amplitude, element, "black" if label and not color else color, label)
         if jumps:
             for jump in branch.jumps():
-                _arrow(ax, branch, jump, across, height)
+                _arrow(ax, branch, jump, abscissa, height)
         if special:
-            _marks(ax, branch, across, height)
-        _mark_infinity(ax, [branch], [color or "black"], across, height, fresh)
-        _name(ax, branch, across, height)
-        if (own if speeds is None else speeds) and scaled_axes(ax, across.above) and own:
+            _marks(ax, branch, abscissa, height)
+        _mark_infinity(ax, [branch], [color or "black"], abscissa, height, is_empty)
+        _name(ax, branch, abscissa, height)
+        if (is_new if speeds is None else speeds) and scaled_axes(ax, abscissa.above) and is_new:
             heighten(ax)
-        frame = _enlarge(ax, branch, across, amplitude, element, color) if own else None
+        frame = _enlarge(ax, branch, abscissa, amplitude, element, color) if is_new else None
         if legend:
             add_legend(ax)
-        if legend and own:
+        if legend and is_new:
             _move_legend_off(ax, frame)
     return ax
 
@@ -223,7 +223,7 @@ def responses(
     if len(branches) == 1:
         return response(branches[0], measure, element, ax, legend=legend, speeds=speeds, dof=dof,
                         dimensionless=dimensionless)  # fmt: skip
-    own, fresh, across = ax is None, ax is None or not ax.has_data(), Abscissa(branches, dimensionless)
+    is_new, is_empty, abscissa = ax is None, ax is None or not ax.has_data(), Abscissa(branches, dimensionless)
     dimensionless = dimensionless or not same_unit_of_amplitude(branches)
     height = Ordinate(measure or usual_measure(branches[0], dimensionless), element, dof, dimensionless)
     branches = [height.prepared(branch) for branch in branches]
@@ -232,19 +232,19 @@ def responses(
         for i, branch in enumerate(branches):
             name = f"({i + 1}) {names[i]}" if names else f"branch {i + 1}"
             colour = BRANCHES[i % len(BRANCHES)]
-            _curve(ax, branch, across.along(branch), height.along(branch), element, colour, name, WIDTHS)
-        for branch, found in zip(branches, landings(branches), strict=True):
-            for landing in found:
-                _arrow(ax, branch, landing.jump, across, height)
+            _curve(ax, branch, abscissa.along(branch), height.along(branch), element, colour, name, WIDTHS)
+        for branch, branch_landings in zip(branches, landings(branches), strict=True):
+            for landing in branch_landings:
+                _arrow(ax, branch, landing.jump, abscissa, height)
         for branch in branches:
-            _marks(ax, branch, across, height, numbered=True)
+            _marks(ax, branch, abscissa, height, numbered=True)
         colours = [BRANCHES[i % len(BRANCHES)] for i in range(len(branches))]
-        _mark_infinity(ax, branches, colours, across, height, fresh)
-        _name(ax, branches[0], across, height)
-        if (own if speeds is None else speeds) and scaled_axes(ax, across.above) and own:
+        _mark_infinity(ax, branches, colours, abscissa, height, is_empty)
+        _name(ax, branches[0], abscissa, height)
+        if (is_new if speeds is None else speeds) and scaled_axes(ax, abscissa.above) and is_new:
             heighten(ax)
         if legend:
-            add_legend(ax, outside=own)
+            add_legend(ax, outside=is_new)
     return ax
 
 
@@ -289,39 +289,39 @@ def _curve(
     enlarged: float = 1.0,
 ) -> None:
     """Draw the sections of a branch; ``widths`` are line widths of the regimes [pt], see `SmoothCurve.between`."""
-    drawn = SmoothCurve(x, amplitude)
+    smooth = SmoothCurve(x, amplitude)
     for (regime, stable), first, last in sections(branch, element):
         name = "_curve" if color or regime == "unknown" else in_words(regime)
         style, width = LINES[stable]
         if widths:
             width = widths[regime] * width / LINES[True][1]
         ax.plot(
-            *drawn.between(first, last, enlarged), linestyle=style, linewidth=width, color=color or COLOURS[regime],
+            *smooth.between(first, last, enlarged), linestyle=style, linewidth=width, color=color or COLOURS[regime],
             marker="." if first == last else None, label=label or name, gid=f"branch {regime} {stable}",
         )  # fmt: skip
 
 
 def _mark_infinity(
-    ax: Axes, branches: Sequence[Branch], colours: Sequence[str], across: Abscissa, height: Ordinate, fresh: bool
+    ax: Axes, branches: Sequence[Branch], colours: Sequence[str], abscissa: Abscissa, height: Ordinate, is_empty: bool
 ) -> None:
     """Draw arrows where curves go to infinity, and asymptotes; empty axes end above the bounded part by `HEADROOM`."""
     if not any(branch.asymptotes for branch in branches):
         return
     amplitudes = [height.along(branch) for branch in branches]
-    top = HEADROOM * max(bounded(branch, each) for branch, each in zip(branches, amplitudes, strict=True))
-    if fresh and 0 < top < max(float(each.max()) for each in amplitudes):
-        low = min(float(each.min()) for each in amplitudes)
+    top = HEADROOM * max(bounded(branch, amplitude) for branch, amplitude in zip(branches, amplitudes, strict=True))
+    if is_empty and 0 < top < max(float(amplitude.max()) for amplitude in amplitudes):
+        low = min(float(amplitude.min()) for amplitude in amplitudes)
         ax.set_ylim(low - 0.05 * (top - low), top)
     else:
         top = np.inf
-    lines = [across.at(branch, value) for branch in branches for value in branch.asymptotes.values()]
+    lines = [abscissa.at(branch, value) for branch in branches for value in branch.asymptotes.values()]
     for value in {float(f"{value:.9g}"): value for value in lines}.values():
         ax.axvline(value, linestyle=":", linewidth=0.8, color=GREY, zorder=0, label="asymptote",
                    gid="asymptote")  # fmt: skip
-    for branch, each, colour in zip(branches, amplitudes, colours, strict=True):
+    for branch, amplitude, colour in zip(branches, amplitudes, colours, strict=True):
         for end in branch.asymptotes:
-            way = slice(None, None, -1) if end == "first" else slice(None)
-            _arrow_out(ax, across.along(branch)[way], each[way], colour, top)
+            order = slice(None, None, -1) if end == "first" else slice(None)
+            _arrow_out(ax, abscissa.along(branch)[order], amplitude[order], colour, top)
 
 
 def _arrow_out(ax: Axes, x: Array, y: Array, colour: str, top: float) -> None:
@@ -372,24 +372,24 @@ def name_axes(
     _name(ax, branch, Abscissa([branch], dimensionless), Ordinate(measure, element, dof, dimensionless))
 
 
-def _name(ax: Axes, branch: Branch, across: Abscissa, height: Ordinate) -> None:
+def _name(ax: Axes, branch: Branch, abscissa: Abscissa, height: Ordinate) -> None:
     """Set the axis labels."""
-    ax.set_xlabel(across.label)
+    ax.set_xlabel(abscissa.label)
     ax.set_ylabel(height.label(branch))
     dress(ax)
 
 
-def _arrow(ax: Axes, branch: Branch, jump: Jump, across: Abscissa, height: Ordinate) -> None:
+def _arrow(ax: Axes, branch: Branch, jump: Jump, abscissa: Abscissa, height: Ordinate) -> None:
     """Draw a vertical arrow from the value before a jump to the value after it."""
     if jump.after is None or jump.parameter != branch.parameter:
         return
-    x = across.at(branch, jump.value)
+    x = abscissa.at(branch, jump.value)
     start, end = ((x, height.at(point, branch)) for point in (jump.before, jump.after))
     style = {"arrowstyle": "-|>", "color": "#777777", "linewidth": 0.8, "shrinkA": 3, "shrinkB": 0, "mutation_scale": 8}
     ax.annotate("", xy=end, xytext=start, arrowprops=style, zorder=3, gid="jump")
 
 
-def _marks(ax: Axes, branch: Branch, across: Abscissa, height: Ordinate, numbered: bool = False) -> None:
+def _marks(ax: Axes, branch: Branch, abscissa: Abscissa, height: Ordinate, numbered: bool = False) -> None:
     """Draw symbols of the special points, filled if certified; all but grazing points have labels."""
     from hbgear.plot.labels import labels_of
 
@@ -398,7 +398,7 @@ def _marks(ax: Axes, branch: Branch, across: Abscissa, height: Ordinate, numbere
     for point in map(named, branch.special):
         x, y = point.parameters[branch.parameter], height.at(point, branch)
         (line,) = ax.plot(
-            across.at(branch, x), y, point.marker, markersize=4.5, markeredgecolor="black",
+            abscissa.at(branch, x), y, point.marker, markersize=4.5, markeredgecolor="black",
             markerfacecolor="black" if point.certificate else "white", zorder=4, gid=point.label,
             markeredgewidth=1.6 if point.certificate else 0.9, label=legend_entry(point),
         )  # fmt: skip
@@ -419,34 +419,34 @@ _MIN_VISIBLE_LENGTH = 18.0
 
 
 def _enlarge(
-    ax: Axes, branch: Branch, across: Abscissa, amplitude: Array, element: int | str, color: str | None
+    ax: Axes, branch: Branch, abscissa: Abscissa, amplitude: Array, element: int | str, color: str | None
 ) -> Any:
     """Draw the longest of the unstable sections below `_MIN_VISIBLE_LENGTH` enlarged on inset axes.
 
     Return the frame of the inset axes; None if there is no such section.
     """
     figure: Any = ax.figure
-    x = across.along(branch)
+    x = abscissa.along(branch)
     size = 72 * 0.85 * np.array(figure.get_size_inches())
     box = np.array([ax.get_xlim(), ax.get_ylim()])
-    inside = (np.stack([x, amplitude], axis=1) - box[:, 0]) / (box[:, 1] - box[:, 0])
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(*(np.diff(inside, axis=0) * size).T))])
+    fractions = (np.stack([x, amplitude], axis=1) - box[:, 0]) / (box[:, 1] - box[:, 0])
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*(np.diff(fractions, axis=0) * size).T))])
     lengths = [(along[last] - along[first], first, last) for first, last in _unstable(branch, element)]
     short = [section for section in lengths if 0 < section[0] < _MIN_VISIBLE_LENGTH]
     if not short:
         return None
     _, first, last = max(short)
-    middle = 0.5 * (inside[first] + inside[last])
-    position = _free_position(inside, middle)
-    frame = ax.add_patch(_frame(ax, position))  # legends avoid patches
-    zoomed = ax.inset_axes((*position, *_INSET_SIZE), label="inset")
+    middle = 0.5 * (fractions[first] + fractions[last])
+    corner = _free_position(fractions, middle)
+    frame = ax.add_patch(_frame(ax, corner))  # legends avoid patches
+    zoomed = ax.inset_axes((*corner, *_INSET_SIZE), label="inset")
     points = slice(first, last + 1)
     ends = [_with_margin(values[points]) for values in (x, amplitude)]
     enlarged = max(float(np.ptp(v) / np.ptp(limits)) for v, limits in zip((x, amplitude), ends, strict=True))
     _curve(zoomed, branch, x, amplitude, element, color, None, enlarged=enlarged)
     for point in map(named, branch.special):
-        at = (across.at(branch, point.parameters[branch.parameter]), float(amplitude[point.index]))
-        zoomed.plot(*at, point.marker, markersize=4.0, markerfacecolor="black" if point.certificate else "white",
+        position = (abscissa.at(branch, point.parameters[branch.parameter]), float(amplitude[point.index]))
+        zoomed.plot(*position, point.marker, markersize=4.0, markerfacecolor="black" if point.certificate else "white",
                     markeredgecolor="black", markeredgewidth=0.9, zorder=4)  # fmt: skip
     zoomed.set(xlim=ends[0], ylim=ends[1])
     zoomed.locator_params(nbins=4)
@@ -498,22 +498,22 @@ def _unstable(branch: Branch, element: int | str) -> list[tuple[int, int]]:
     return out
 
 
-def _free_position(inside: Array, near: Array) -> tuple[float, float]:
+def _free_position(fractions: Array, point: Array) -> tuple[float, float]:
     """Return the lower left corner of inset axes that cover no curve, as near as possible to a point of the curve."""
-    steps = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(inside, axis=0).T))])
-    at = np.linspace(0.0, steps[-1], 2000)
-    x, y = (np.interp(at, steps, column) for column in inside.T)
+    steps = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(fractions, axis=0).T))])
+    distances = np.linspace(0.0, steps[-1], 2000)
+    x, y = (np.interp(distances, steps, column) for column in fractions.T)
 
     def cost(corner: tuple[float, float]) -> float:
         left, low = corner[0] - _TICK_LABEL_SIZE[0], corner[1] - _TICK_LABEL_SIZE[1]
         right, high = corner[0] + _INSET_SIZE[0] + 0.02, corner[1] + _INSET_SIZE[1] + 0.02
         covered = np.mean((x > left) & (x < right) & (y > low) & (y < high))
         centre = np.add(corner, np.divide(_INSET_SIZE, 2))
-        return 1e3 * float(covered) + float(np.hypot(*(centre - near)))
+        return 1e3 * float(covered) + float(np.hypot(*(centre - point)))
 
-    across = np.linspace(_TICK_LABEL_SIZE[0] + 0.01, 0.98 - _INSET_SIZE[0], 30)
-    up = np.linspace(_TICK_LABEL_SIZE[1] + 0.01, 0.97 - _INSET_SIZE[1], 30)
-    return min(((float(a), float(b)) for a in across for b in up), key=cost)
+    lefts = np.linspace(_TICK_LABEL_SIZE[0] + 0.01, 0.98 - _INSET_SIZE[0], 30)
+    bottoms = np.linspace(_TICK_LABEL_SIZE[1] + 0.01, 0.97 - _INSET_SIZE[1], 30)
+    return min(((float(a), float(b)) for a in lefts for b in bottoms), key=cost)
 
 
 def _frame(ax: Axes, corner: tuple[float, float]) -> Any:

@@ -85,24 +85,30 @@ def backbone(
             f"the stability of {len(stability.states)} points is given for a curve of {len(curve)} points: give "
             "hb.analysis.backbone_stability(curve)"
         )
-    own, across = ax is None, OmegaAxis.of(model_of(curve), dimensionless)
+    is_new, abscissa = ax is None, OmegaAxis.of(model_of(curve), dimensionless)
     height = Ordinate(measure, element, dimensionless=dimensionless)
     with styled():
         ax = axes_or_new(ax, (4.6, 3.2))
-        line = {"color": COLOURS["no_impact"] if own else "black", "linestyle": "-" if own else "-.", "linewidth": 1.2}
-        x = across.scale * curve.tracked["Omega"]
+        line = {
+            "color": COLOURS["no_impact"] if is_new else "black",
+            "linestyle": "-" if is_new else "-.",
+            "linewidth": 1.2,
+        }
+        x = abscissa.scale * curve.tracked["Omega"]
         y = height.along(curve)
         _add_line(ax, x, y, stability, {**line, **style}, label or "_")
-        if own:
-            unit = " [-]" if across.above and not across.is_speed else ""
-            ax.set_xlabel(f"modal frequency, {across.label}" if across.is_speed else r"modal frequency $\Omega$" + unit)
+        if is_new:
+            unit = " [-]" if abscissa.above and not abscissa.is_speed else ""
+            ax.set_xlabel(
+                f"modal frequency, {abscissa.label}" if abscissa.is_speed else r"modal frequency $\Omega$" + unit
+            )
             ax.set_ylabel(height.label(curve))
             ax.set_ylim(0, None)
             ax.margins(x=0.05)
             dress(ax)
-            if scaled_axes(ax, across.above):
+            if scaled_axes(ax, abscissa.above):
                 heighten(ax)
-        if (label and not own) or (stability and stability.changes):
+        if (label and not is_new) or (stability and stability.changes):
             add_legend(ax)
     return ax
 
@@ -120,10 +126,12 @@ def _add_line(
         joined = binary_dilation(unstable)  # the dashes reach the stable neighbours
         ax.plot(x, np.where(joined, y, np.nan), **{**style, "linestyle": "--"}, label="_", zorder=4, gid="unstable")
     if stability and stability.changes:
-        at, numbers = [change.position for change in stability.changes], np.arange(len(x))
+        positions, numbers = [change.position for change in stability.changes], np.arange(len(x))
         circles: dict[str, Any] = {"marker": "o", "ls": "", "ms": 4, "mfc": "white", "mec": "black", "mew": 0.8}
-        heights = np.interp(at, numbers, y)
-        ax.plot(np.interp(at, numbers, x), heights, **circles, label="change of stability", zorder=5, gid="changes")
+        heights = np.interp(positions, numbers, y)
+        ax.plot(
+            np.interp(positions, numbers, x), heights, **circles, label="change of stability", zorder=5, gid="changes"
+        )
 
 
 def with_other_kinds(
@@ -159,7 +167,9 @@ def with_other_kinds(
     Axes
         The axes.
     """
-    called = list(names) if names else [{"tori": "quasi-periodic"}.get(kind_of(each), "backbone") for each in branches]
+    labels = (
+        list(names) if names else [{"tori": "quasi-periodic"}.get(kind_of(branch), "backbone") for branch in branches]
+    )
     periodic = [i for i, branch in enumerate(branches) if kind_of(branch) == "periodic"]
     if periodic:
         ax = responses(
@@ -169,7 +179,7 @@ def with_other_kinds(
     for i, branch in enumerate(branches):
         if i not in periodic:
             draw = torus if kind_of(branch) == "tori" else backbone
-            ax = draw(branch, measure or "pp2", element, ax, label=called[i] if legend else "",
+            ax = draw(branch, measure or "pp2", element, ax, label=labels[i] if legend else "",
                       dimensionless=dimensionless)  # fmt: skip
     assert ax is not None
     return ax
@@ -232,10 +242,10 @@ def torus(
     Traceback (most recent call last):
     ValueError: the branch has no tori
     """
-    layout, own = _torus_layout(tori), ax is None
-    across, height = Abscissa([tori], dimensionless), Ordinate(measure, element, dimensionless=dimensionless)
+    layout, is_new = _torus_layout(tori), ax is None
+    abscissa, height = Abscissa([tori], dimensionless), Ordinate(measure, element, dimensionless=dimensionless)
     layout.check_measure(measure, element)
-    x, y = across.along(tori), height.along(tori)
+    x, y = abscissa.along(tori), height.along(tori)
     with styled():
         ax = axes_or_new(ax, (4.6, 3.2))
         for i, ((_, stable), first, last) in enumerate(sections(tori, element)):
@@ -246,13 +256,13 @@ def torus(
             }  # fmt: skip
             ax.plot(x[first : last + 1], y[first : last + 1], **(line | style),
                     label=label if label and not i else "_", zorder=4, gid="tori")  # fmt: skip
-        if own:
+        if is_new:
             name = _element_name(layout, element)
             physical = height.header(tori) != measure
-            ax.set_xlabel(layout.labels.get(tori.parameter, tori.parameter) if across.scale == 1 else across.label)
+            ax.set_xlabel(layout.labels.get(tori.parameter, tori.parameter) if abscissa.scale == 1 else abscissa.label)
             ax.set_ylabel(in_figure(axis_text(measure, f"{name} [um]" if physical else name)))
             dress(ax)
-            if scaled_axes(ax, across.above):
+            if scaled_axes(ax, abscissa.above):
                 heighten(ax)
         if label:
             add_legend(ax)
@@ -305,17 +315,17 @@ def torus_section(
     Traceback (most recent call last):
     ValueError: the branch has no tori
     """
-    layout, found = _torus_layout(tori), tori[point]
+    layout, motion = _torus_layout(tori), tori[point]
     basis = layout.basis
     theta = np.column_stack([np.zeros(phases + 1), np.linspace(0.0, 2 * np.pi, phases + 1)])
-    rows = layout.rows(found.X, element)
-    here = {name: np.array([x]) for name, x in found.parameters.items()}
-    rate = layout.in_time(rows[None], here, 1)[0]
+    rows = layout.rows(motion.X, element)
+    parameters = {name: np.array([x]) for name, x in motion.parameters.items()}
+    rate = layout.in_time(rows[None], parameters, 1)[0]
     d, v = (basis.evaluate(basis.to_complex(x), theta) for x in (rows, rate))
-    name, known = _element_name(layout, element), None if dimensionless else scales_at(tori, point)
+    name, scales = _element_name(layout, element), None if dimensionless else scales_at(tori, point)
     x, y = name, name
-    if known is not None:
-        d, v = 1e6 * known.length * d, known.velocity * v
+    if scales is not None:
+        d, v = 1e6 * scales.length * d, scales.velocity * v
         x, y = in_figure(in_micrometres(name)), in_metres_per_second(name)
     with styled():
         ax = axes_or_new(ax, (3.6, 3.2))
@@ -365,24 +375,24 @@ def torus_spectrum(
     Traceback (most recent call last):
     ValueError: the branch has no tori
     """
-    layout, found = _torus_layout(tori), tori[point]
+    layout, motion = _torus_layout(tori), tori[point]
     basis = layout.basis
-    size = np.abs(basis.to_complex(layout.rows(found.X, element)))
-    w = np.abs(basis.k @ np.array([found.parameters["Omega"] / layout.nu, found.parameters["Omega_2"]]))
-    name, known = _element_name(layout, element), None if dimensionless else scales_at(tori, point)
+    size = np.abs(basis.to_complex(layout.rows(motion.X, element)))
+    w = np.abs(basis.k @ np.array([motion.parameters["Omega"] / layout.nu, motion.parameters["Omega_2"]]))
+    name, scales = _element_name(layout, element), None if dimensionless else scales_at(tori, point)
     frequency = r"frequency, in the unit of $\Omega$"
-    if known is not None:
-        w, size = known.frequency / (2 * np.pi) * w, 1e6 * known.length * size
+    if scales is not None:
+        w, size = scales.frequency / (2 * np.pi) * w, 1e6 * scales.length * size
         frequency, name = "frequency [Hz]", in_figure(in_micrometres(name))
-    shown = size > _LARGEST_SPECTRUM * size[1:].max()
+    visible = size > _LARGEST_SPECTRUM * size[1:].max()
     with styled():
         ax = axes_or_new(ax, (4.6, 3.2))
         kinds = (
             (basis.k[:, 1] > 0, BRANCHES[0], r"with $\Omega_2$"),
             (basis.k[:, 1] == 0, "black", r"multiples of $\Omega$"),
         )
-        for which, colour, label in kinds:
-            rows = shown & which
+        for selected, colour, label in kinds:
+            rows = visible & selected
             floor = _LARGEST_SPECTRUM * size[1:].max()
             ax.vlines(w[rows], floor, size[rows], color=colour, linewidth=1.2, label=label, gid=label)
         ax.set_yscale("log")

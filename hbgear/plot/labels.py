@@ -89,12 +89,12 @@ class Labels(Artist):
 
     def add(self, line: Line2D, curve: int, kind: str, label: str, shown: bool, side: tuple[int, int]) -> None:
         """Add a mark with its label; a label that another curve already has gets the number of its curve."""
-        taken = {mark.text.get_text() for mark in self.marks if mark.curve != curve}
-        name = f"{label} ({curve})" if label in taken else label
-        across, up = _ALIGN[side[0]][0], _ALIGN[side[1]][1]
+        other_labels = {mark.text.get_text() for mark in self.marks if mark.curve != curve}
+        name = f"{label} ({curve})" if label in other_labels else label
+        horizontal, vertical = _ALIGN[side[0]][0], _ALIGN[side[1]][1]
         text = self.axes.annotate(
             name if shown else "", _data_position(line), (5 * side[0], 5 * side[1]), textcoords="offset points",
-            fontsize=8, ha=across, va=up, zorder=7, gid=f"label {label}",
+            fontsize=8, ha=horizontal, va=vertical, zorder=7, gid=f"label {label}",
         )  # fmt: skip
         text.set_in_layout(False)
         self.marks.append(Mark(line, text, curve, kind, name, shown, side))
@@ -114,10 +114,10 @@ class Labels(Artist):
         """Draw a thin line from a symbol to a distant label."""
         from matplotlib.lines import Line2D
 
-        box, at = mark.text.get_window_extent(renderer), _pixel_position(mark.line)
-        end = np.clip(at, np.asarray(box.min), np.asarray(box.max))
-        if np.hypot(*(end - at)) > _pixels(mark.line, LEADER_DISTANCE):
-            line = Line2D(*np.transpose([at, end]), color="#8a8a8a", linewidth=0.5, transform=IdentityTransform())
+        box, symbol = mark.text.get_window_extent(renderer), _pixel_position(mark.line)
+        end = np.clip(symbol, np.asarray(box.min), np.asarray(box.max))
+        if np.hypot(*(end - symbol)) > _pixels(mark.line, LEADER_DISTANCE):
+            line = Line2D(*np.transpose([symbol, end]), color="#8a8a8a", linewidth=0.5, transform=IdentityTransform())
             line.set_figure(self.axes.get_figure(root=True))
             line.draw(renderer)
 
@@ -180,10 +180,12 @@ class _Obstacles:
         self.symbols = np.array([_pixel_position(mark.line) for mark in marks if mark.line.get_visible()]).reshape(
             -1, 2
         )
-        self.around = np.hstack([self.symbols - half, self.symbols + half])
+        self.symbol_boxes = np.hstack([self.symbols - half, self.symbols + half])
         legend = ax.get_legend()
-        others = [] if legend is None else [legend.get_window_extent(renderer)]
-        self.others = _box_array(others + [p.get_window_extent(renderer) for p in ax.patches if p.get_gid() == "frame"])
+        legend_boxes = [] if legend is None else [legend.get_window_extent(renderer)]
+        self.legends = _box_array(
+            legend_boxes + [p.get_window_extent(renderer) for p in ax.patches if p.get_gid() == "frame"]
+        )
         lines = [_resampled(line.get_transform().transform(line.get_xydata())) for line in ax.lines if _is_curve(line)]
         arrows = [text for text in ax.texts if getattr(text, "arrow_patch", None) is not None]
         lines += [_resampled(ax.transData.transform([text.xy, text.xyann])) for text in arrows]  # type: ignore[attr-defined]
@@ -200,13 +202,13 @@ class _Obstacles:
 
     def boxes(self, mark: Mark, positions: Sequence[tuple[float, tuple[int, int]]]) -> Array:
         """Return the areas of a label at its positions, with a margin (P, 4)."""
-        now = mark.text.get_window_extent(self.renderer)
-        size, margin = np.array([now.width, now.height]), _pixels(mark.text, 1.0)
-        sides = np.array([side for _, side in positions])
-        at = _pixel_position(mark.line) + _pixels(mark.text, 1.0) * np.array(
+        extent = mark.text.get_window_extent(self.renderer)
+        size, margin = np.array([extent.width, extent.height]), _pixels(mark.text, 1.0)
+        side_signs = np.array([side for _, side in positions])
+        anchors = _pixel_position(mark.line) + _pixels(mark.text, 1.0) * np.array(
             [_offset(*position) for position in positions]
         )
-        low = at + 0.5 * size * (sides - 1)  # the side of the box nearest to the symbol
+        low = anchors + 0.5 * size * (side_signs - 1)  # the side of the box nearest to the symbol
         return np.hstack([low - margin, low + size + margin])
 
     def cost(self, mark: Mark, positions: Sequence[tuple[float, tuple[int, int]]], boxes: Array) -> Array:
@@ -215,13 +217,13 @@ class _Obstacles:
         cost = np.array([_COST["reach"] * reach + _COST["side"] * (side != mark.side) for reach, side in positions])
         cost += _COST["label"] * (_overlap_areas(boxes, self.labels) > 0).sum(axis=1)
         cost += _COST["border"] * (1 - _overlap_areas(boxes, self.border)[:, 0] / area > 1e-6)
-        cost += _COST["legend"] * (_overlap_areas(boxes, self.others) > 0).sum(axis=1)
-        cost += _COST["mark"] * (_overlap_areas(boxes, self.around) > 0).sum(axis=1)
-        own = _box_distances(boxes, _pixel_position(mark.line)[None])
-        cost += _COST["ambiguous"] * (_box_distances(boxes, self.symbols) < own).any(axis=1)
+        cost += _COST["legend"] * (_overlap_areas(boxes, self.legends) > 0).sum(axis=1)
+        cost += _COST["mark"] * (_overlap_areas(boxes, self.symbol_boxes) > 0).sum(axis=1)
+        own_distance = _box_distances(boxes, _pixel_position(mark.line)[None])
+        cost += _COST["ambiguous"] * (_box_distances(boxes, self.symbols) < own_distance).any(axis=1)
         x, y = self.curves.T
-        inside = [int(((x > x0) & (x < x1) & (y > y0) & (y < y1)).sum()) for x0, y0, x1, y1 in boxes.tolist()]
-        return cost + _COST["curve"] * np.array(inside)
+        points_inside = [int(((x > x0) & (x < x1) & (y > y0) & (y < y1)).sum()) for x0, y0, x1, y1 in boxes.tolist()]
+        return cost + _COST["curve"] * np.array(points_inside)
 
 
 def _positions(first: tuple[int, int]) -> Iterator[tuple[float, tuple[int, int]]]:
@@ -232,8 +234,8 @@ def _positions(first: tuple[int, int]) -> Iterator[tuple[float, tuple[int, int]]
 
 def _offset(reach: float, side: tuple[int, int]) -> tuple[float, float]:
     """Return the offset of a label from its symbol [pt]."""
-    far = reach if 0 in side else 0.7 * reach
-    return far * side[0], far * side[1]
+    distance = reach if 0 in side else 0.7 * reach
+    return distance * side[0], distance * side[1]
 
 
 def _move(text: Annotation, reach: float, side: tuple[int, int]) -> None:
@@ -251,8 +253,8 @@ def _resampled(path: Array, step: float = 3.0) -> Array:
     if len(path) < 2:
         return path
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
-    at = np.linspace(0.0, along[-1], min(int(along[-1] / step) + 2, 20_000))
-    return np.stack([np.interp(at, along, path[:, 0]), np.interp(at, along, path[:, 1])], axis=1)
+    distances = np.linspace(0.0, along[-1], min(int(along[-1] / step) + 2, 20_000))
+    return np.stack([np.interp(distances, along, path[:, 0]), np.interp(distances, along, path[:, 1])], axis=1)
 
 
 def _box_array(boxes: Sequence[Any]) -> Array:
@@ -260,14 +262,14 @@ def _box_array(boxes: Sequence[Any]) -> Array:
     return np.array([[box.x0, box.y0, box.x1, box.y1] for box in boxes]).reshape(-1, 4)
 
 
-def _box_distances(boxes: Array, at: Array) -> Array:
+def _box_distances(boxes: Array, positions: Array) -> Array:
     """Return the distances (P, Q) of positions (Q, 2) from boxes."""
-    inside = np.clip(at[None], boxes[:, None, :2], boxes[:, None, 2:])
-    return np.asarray(np.hypot(*np.moveaxis(inside - at[None], -1, 0)))
+    nearest = np.clip(positions[None], boxes[:, None, :2], boxes[:, None, 2:])
+    return np.asarray(np.hypot(*np.moveaxis(nearest - positions[None], -1, 0)))
 
 
-def _overlap_areas(boxes: Array, others: Array) -> Array:
+def _overlap_areas(boxes: Array, obstacles: Array) -> Array:
     """Return the areas (P, Q) of the intersections of boxes with others."""
-    low = np.maximum(boxes[:, None, :2], others[None, :, :2])
-    high = np.minimum(boxes[:, None, 2:], others[None, :, 2:])
+    low = np.maximum(boxes[:, None, :2], obstacles[None, :, :2])
+    high = np.minimum(boxes[:, None, 2:], obstacles[None, :, 2:])
     return np.asarray(np.prod(np.maximum(high - low, 0.0), axis=-1))

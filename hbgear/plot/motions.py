@@ -275,8 +275,8 @@ def portrait(
         time_history(point, element, axes[0], model=model, dimensionless=dimensionless)
         phase_diagram(point, element, axes[1], model=model, dimensionless=dimensionless)
         spectrum(point, element, axes[2], model=model, dimensionless=dimensionless)
-        known = _units(point, element, model, dimensionless).speeds
-        units = [f"{known[name]:.5g} {unit}" for name, unit in ((MESH, "Hz"), (PINION, "r/min")) if known]
+        speeds = _units(point, element, model, dimensionless).speeds
+        units = [f"{speeds[name]:.5g} {unit}" for name, unit in ((MESH, "Hz"), (PINION, "r/min")) if speeds]
         figure.suptitle(", ".join([_title(point, element), *units]), fontsize=10)
     return figure
 
@@ -294,15 +294,15 @@ class _Units(NamedTuple):
 def _units(point: Point, element: int | str, model: Model | None, dimensionless: bool) -> _Units:
     """Return physical units if the model, by default that of the point, has scales; else those of the model."""
     model = model or getattr(point.problem, "model", None)
-    layout, known = layout_of(point), None if dimensionless else scales_with(model, point.parameters)
+    layout, scales = layout_of(point), None if dimensionless else scales_with(model, point.parameters)
     label, speeds = gap_label(layout, element), speeds_at(model, point.parameters)
-    if known is None:
+    if scales is None:
         velocity = getattr(layout, "labels", {}).get("velocity", f"velocity of {label}")
         return _Units(1.0, 1.0, label, velocity, speeds)
     symbol, comma, name = label.partition(", ")
     displacement = in_figure(in_micrometres(symbol)) + comma + name
     velocity = f"velocity of {in_metres_per_second(symbol)}{comma}{name}"
-    return _Units(1e6 * known.length, known.velocity, displacement, velocity, speeds)
+    return _Units(1e6 * scales.length, scales.velocity, displacement, velocity, speeds)
 
 
 def _colour(point: Point, element: int | str) -> str:
@@ -312,11 +312,11 @@ def _colour(point: Point, element: int | str) -> str:
 def _title(point: Point, element: int | str) -> str:
     """Return a description of a point: label, Omega, stability, regime."""
     regime = regime_of(layout_of(point), point.regime, element)
-    parts = [point.label, "" if point.stability == "unknown" else point.stability]
-    parts += [in_words(regime) if regime != "unknown" else ""]
+    texts = [point.label, "" if point.stability == "unknown" else point.stability]
+    texts += [in_words(regime) if regime != "unknown" else ""]
     if "Omega" in point.parameters:
-        parts.insert(1, rf"$\Omega$ = {point.parameters['Omega']:.5g}")
-    return ", ".join(part for part in parts if part)
+        texts.insert(1, rf"$\Omega$ = {point.parameters['Omega']:.5g}")
+    return ", ".join(text for text in texts if text)
 
 
 def _cycle(point: Point, element: int | str, order: int = 0) -> tuple[Layout, Array, Array]:
@@ -334,6 +334,6 @@ def _breakpoints(layout: Layout, element: int | str, d: Array, unit: float, line
     breakpoints = layout.breakpoints[layout.index(element)]
     for x in breakpoints:
         line(unit * x, color=GREY, linewidth=0.7, zorder=0, gid="breakpoint")
-    shown = [low, high, *(x for x in breakpoints if low - reach <= x <= high + reach)]
-    margin = 0.06 * (max(shown) - min(shown)) or 0.5
-    limits(unit * (min(shown) - margin), unit * (max(shown) + margin))
+    visible = [low, high, *(x for x in breakpoints if low - reach <= x <= high + reach)]
+    margin = 0.06 * (max(visible) - min(visible)) or 0.5
+    limits(unit * (min(visible) - margin), unit * (max(visible) + margin))

@@ -21,14 +21,14 @@ from hbgear.plot.style import without_windows
 
 def branch_html(branch: Branch) -> str:
     """Return a summary of a curve, its jumps, and its figure if its points are periodic motions."""
-    known = layout_of(branch) is not None and len(branch) > 0
-    facts = [(name, text) for name, text in summary_facts(branch) if text] if known else []
+    has_motions = layout_of(branch) is not None and len(branch) > 0
+    facts = [(name, text) for name, text in summary_facts(branch) if text] if has_motions else []
     parts = [f"<b>{html.escape(repr(branch))}</b>", _table((), facts)]
-    if known and branch.jumps():
+    if has_motions and branch.jumps():
         headers, rows, _ = jump_table(branch)
         parts += ["<p>jumps of a slow sweep</p>", _table(headers, rows)]
-    parts += [f"<p>{html.escape(line)}</p>" for line in (reliability_lines(branch) if known else ())]
-    if known:
+    parts += [f"<p>{html.escape(line)}</p>" for line in (reliability_lines(branch) if has_motions else ())]
+    if has_motions:
         parts.append(f'<img alt="response curve" src="data:image/png;base64,{_figure(branch)}">')
     return f"<div>{''.join(parts)}</div>"
 

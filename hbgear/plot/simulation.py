@@ -110,32 +110,32 @@ def sweeps(
     parameters = {s.parameter for s in found} | ({branch.parameter} if branch else set())
     if len(parameters) > 1:
         raise ValueError(f"the sweeps and the curve are in different parameters: {', '.join(sorted(parameters))}")
-    own, model = ax is None, model or (model_of(branch) if branch else None)
-    across = _axis(found[0], model, dimensionless)
+    is_new, model = ax is None, model or (model_of(branch) if branch else None)
+    abscissa = _axis(found[0], model, dimensionless)
     length = None if dimensionless or model is None else length_scale(model, {})
     factor = factor_of(measure, length)
     with styled():
         ax = axes_or_new(ax, (7.0, 3.7))
         curves = () if branch is None else branch.curves
-        for each in curves:
-            response(each, measure, element, ax, special=len(curves) == 1, jumps=False, legend=False, speeds=False,
+        for curve in curves:
+            response(curve, measure, element, ax, special=len(curves) == 1, jumps=False, legend=False, speeds=False,
                      dimensionless=dimensionless)  # fmt: skip
         for s in found:
-            _dots(ax, s, across.scale * s.values, factor * s.amplitude(measure, element))
+            _dots(ax, s, abscissa.scale * s.values, factor * s.amplitude(measure, element))
             for jump in s.jumps:
                 ax.axvspan(
-                    *sorted(across.scale * x for x in jump.interval),
+                    *sorted(abscissa.scale * x for x in jump.interval),
                     color=DIRECTIONS[s.direction][1],
                     alpha=0.12,
                     linewidth=0,
                     zorder=0,
                 )
         if branch is None:
-            ax.set_xlabel(across.label)
+            ax.set_xlabel(abscissa.label)
             motion = _name(found[0], element)
             ax.set_ylabel(in_figure(axis_text(measure, motion if length is None else in_micrometres(motion))))
         dress(ax)
-        if own and scaled_axes(ax, across.above):
+        if is_new and scaled_axes(ax, abscissa.above):
             heighten(ax)
         if legend:
             add_legend(ax)
@@ -147,8 +147,8 @@ def sweeps(
 
 def _axis(s: Sweep, model: Model | None, dimensionless: bool) -> OmegaAxis:
     """Return the axis of the parameter of a sweep."""
-    known = scales(model, {}) if s.parameter == "Omega" else {}
-    return OmegaAxis(known, s.labels.get(s.parameter, s.parameter), dimensionless)
+    units = scales(model, {}) if s.parameter == "Omega" else {}
+    return OmegaAxis(units, s.labels.get(s.parameter, s.parameter), dimensionless)
 
 
 def _dots(ax: Axes, s: Sweep, x: Any, height: Any) -> None:
@@ -158,10 +158,10 @@ def _dots(ax: Axes, s: Sweep, x: Any, height: Any) -> None:
         (s.period > 1, {"marker": marker, "markerfacecolor": "white"}, f"{name}, longer period"),
         (s.period == 0, {"marker": "+"}, f"{name}, not periodic"),
     )
-    for which, look, label in kinds:
-        if which.any():
-            ax.plot(x[which], height[which], linestyle="none", markersize=3.6, markeredgecolor=colour,
-                    markeredgewidth=0.7, label=label, zorder=5, gid=label, **look)  # fmt: skip
+    for selected, style, label in kinds:
+        if selected.any():
+            ax.plot(x[selected], height[selected], linestyle="none", markersize=3.6, markeredgecolor=colour,
+                    markeredgewidth=0.7, label=label, zorder=5, gid=label, **style)  # fmt: skip
 
 
 @checked_arguments()
@@ -207,31 +207,31 @@ def bifurcation(
     """
     if not len(found):
         raise ValueError("no sweep to draw")
-    own, across = ax is None, _axis(found[0], model, dimensionless)
-    known = None if dimensionless or model is None else model.scales
-    factor = 1.0 if known is None else known.velocity if rate else 1e6 * known.length
+    is_new, abscissa = ax is None, _axis(found[0], model, dimensionless)
+    units = None if dimensionless or model is None else model.scales
+    factor = 1.0 if units is None else units.velocity if rate else 1e6 * units.length
     with styled():
         ax = axes_or_new(ax, (5.6, 3.7))
         for s in found:
             j = s.index(element)
             name = DIRECTIONS[s.direction][2]
             colour = DIRECTIONS[s.direction][1] if len(found) > 1 else "black"
-            for which, size, label in ((s.settled, 2.0, name), (~s.settled, 0.9, f"{name}, not periodic")):
-                if not which.any():
+            for selected, size, label in ((s.settled, 2.0, name), (~s.settled, 0.9, f"{name}, not periodic")):
+                if not selected.any():
                     continue
-                rows = np.flatnonzero(which)
-                x = np.concatenate([np.full(len(s.points[i]), across.scale * s.values[i]) for i in rows])
+                rows = np.flatnonzero(selected)
+                x = np.concatenate([np.full(len(s.points[i]), abscissa.scale * s.values[i]) for i in rows])
                 y = factor * np.concatenate([s.points[i][:, j, int(rate)] for i in rows])
                 ax.plot(x, y, "o", color=colour, markersize=size, markeredgewidth=0, label=label, gid=label,
                         rasterized=len(x) > MAX_VECTOR_DOTS)  # fmt: skip
         s = found[0]
-        ax.set_xlabel(across.label)
+        ax.set_xlabel(abscissa.label)
         label = _name(s, element)
-        if known is not None:
+        if units is not None:
             label = in_metres_per_second(label) if rate else in_figure(in_micrometres(label))
         ax.set_ylabel(f"{'rate of ' if rate else ''}{label} at " + r"$\tau = 0$")
         dress(ax)
-        if own and scaled_axes(ax, across.above):
+        if is_new and scaled_axes(ax, abscissa.above):
             heighten(ax)
         if len(found) > 1:
             ax.legend(loc="best", markerscale=3)
@@ -267,33 +267,33 @@ def basins(found: Basins, ax: Axes | None = None, *, model: Model | None = None,
     from matplotlib.colors import ListedColormap
 
     count = len(found.attractors)
-    known = None if dimensionless or model is None or not found.element else model.scales
-    units = np.array([1.0, 1.0] if known is None else [1e6 * known.length, known.velocity])
+    physical = None if dimensionless or model is None or not found.element else model.scales
+    units = np.array([1.0, 1.0] if physical is None else [1e6 * physical.length, physical.velocity])
     d, v = units[0] * found.d, units[1] * found.v
     with styled():
         ax = axes_or_new(ax, (4.6, 3.9))
         half_d, half_v = (0.5 * (np.ptp(x) / max(len(x) - 1, 1) or 1.0) for x in (d, v))
         extent = (d[0] - half_d, d[-1] + half_d, v[0] - half_v, v[-1] + half_v)
         shades = ListedColormap([BASINS[i % len(BASINS)] for i in range(count)])
-        shown = np.ma.masked_less(found.label, 0)  # initial states that were not integrated to the end are masked
-        ax.imshow(shown, origin="lower", extent=extent, aspect="auto", cmap=shades, vmin=-0.5, vmax=count - 0.5,
+        labels = np.ma.masked_less(found.label, 0)  # initial states that were not integrated to the end are masked
+        ax.imshow(labels, origin="lower", extent=extent, aspect="auto", cmap=shades, vmin=-0.5, vmax=count - 0.5,
                   interpolation="nearest")  # fmt: skip
         for i, a in enumerate(found.attractors):
             aperiodic = "not periodic" if np.isfinite(a.rms) else "unbounded"
-            size = f"{a.rms:.4g}" if known is None else f"{units[0] * a.rms:.4g} {in_figure('[um]')[1:-1]}"
+            size = f"{a.rms:.4g}" if physical is None else f"{units[0] * a.rms:.4g} {in_figure('[um]')[1:-1]}"
             name = f"period {a.period}, rms {size}" if a.period else aperiodic
             cloud = not a.period and len(a.points) > 0
             symbol = "o" if cloud else SYMBOLS[i % len(SYMBOLS)]
-            look: dict[str, Any] = {"markersize": 1.5} if cloud else {"markersize": 6, "markeredgewidth": 0.6}
+            style: dict[str, Any] = {"markersize": 1.5} if cloud else {"markersize": 6, "markeredgewidth": 0.6}
             ax.plot(*(units * a.points).T, symbol, color=INKS[i % len(INKS)], markeredgecolor="white", zorder=5,
-                    label=f"{name}: {a.share:.0%} of initial states", gid=f"attractor {i}", **look)  # fmt: skip
+                    label=f"{name}: {a.share:.0%} of initial states", gid=f"attractor {i}", **style)  # fmt: skip
         ax.set_xlim(extent[0], extent[1])
         ax.set_ylim(extent[2], extent[3])
         quantity = found.labels.get("amplitude", "element coordinate")
         x, y = "multiple of the first direction", "of the second"
         if found.element:
             x, y = quantity, f"rate of {quantity}"
-        if known is not None:
+        if physical is not None:
             x, y = in_figure(in_micrometres(quantity)), f"rate of {in_metres_per_second(quantity)}"
         ax.set_xlabel(rf"{x} at $\tau = 0$")
         ax.set_ylabel(rf"{y} at $\tau = 0$")
@@ -339,22 +339,22 @@ def validation(
     with styled():
         figure = new_figure(6.4, 7.2)
         top, low = figure.subplots(2, 1)
-        for each in branch.curves:
-            response(each, "rms", element, top, special=False, jumps=False, legend=False,
+        for curve in branch.curves:
+            response(curve, "rms", element, top, special=False, jumps=False, legend=False,
                      dimensionless=dimensionless)  # fmt: skip
-        across = Abscissa([branch], dimensionless)
+        abscissa = Abscissa([branch], dimensionless)
         factor = Ordinate("rms", element, dimensionless=dimensionless).factor(branch)
-        x = across.scale * np.array([row.value for row in report.rows])
-        sizes = [each.amplitude("rms", element) for each in branch.curves]
+        x = abscissa.scale * np.array([row.value for row in report.rows])
+        sizes = [curve.amplitude("rms", element) for curve in branch.curves]
         rms = factor * np.array([sizes[row.curve - 1][row.index] for row in report.rows])
         for kind, name, colour, marker in (
             ((True, False), "agrees with integration", "#1b7f5a", "o"),
             ((True, True), REFINED, "#b36b00", "D"),
             ((False, False), "differs from integration", "#c01818", "X"),
         ):
-            which = np.array([(row.ok, row.refined) == kind for row in report.rows], dtype=bool)
-            if which.any():
-                top.plot(x[which], rms[which], marker, linestyle="none", markersize=4.5, color=colour,
+            selected = np.array([(row.ok, row.refined) == kind for row in report.rows], dtype=bool)
+            if selected.any():
+                top.plot(x[selected], rms[selected], marker, linestyle="none", markersize=4.5, color=colour,
                          markeredgecolor="white", markeredgewidth=0.5, label=name, zorder=6, gid=name)  # fmt: skip
         labels = labels_of(top)
         for number, (value, height) in enumerate(zip(x, rms, strict=True), 1):
@@ -364,7 +364,7 @@ def validation(
         _differences(low, report)
         for ax in (top, low):
             dress(ax)
-        scaled_axes(top, across.above)
+        scaled_axes(top, abscissa.above)
         low.tick_params(axis="x", which="both", top=False, length=0)
     return figure
 

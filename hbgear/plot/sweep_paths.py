@@ -87,26 +87,26 @@ def runs(
     >>> curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.5, 1.6))
     >>> axes = hb.plot.runs(curve)
     """
-    found = [run_up(branch, direction, others) for direction in ("down", "up")]  # the wider one first
-    own, curves = ax is None, [branch, *branch.others, *others]
-    across = Abscissa(curves, dimensionless)
+    both_runs = [run_up(branch, direction, others) for direction in ("down", "up")]  # the wider one first
+    is_new, curves = ax is None, [branch, *branch.others, *others]
+    abscissa = Abscissa(curves, dimensionless)
     height = Ordinate(measure or usual_measure(branch, dimensionless), element, dimensionless=dimensionless)
     with styled():
         ax = axes_or_new(ax, (5.0, 3.4))
         for curve in curves:
-            ax.plot(across.along(curve), height.along(curve), ":", color=GREY, linewidth=0.9, label="curve", zorder=1)
-        for one in found:
-            drawn = [(across.scale * section.values, _heights(section, height)) for section in one.sections]
-            for x, y in drawn:
-                ax.plot(x, y, color=RUNS[one.direction], linewidth=_RUN_WIDTHS[one.direction],
-                        label=f"run-{one.direction}", gid=f"run {one.direction}")  # fmt: skip
-            _connect(ax, one, drawn)
-            for jump in one.jumps:
+            ax.plot(abscissa.along(curve), height.along(curve), ":", color=GREY, linewidth=0.9, label="curve", zorder=1)
+        for run in both_runs:
+            lines = [(abscissa.scale * section.values, _heights(section, height)) for section in run.sections]
+            for x, y in lines:
+                ax.plot(x, y, color=RUNS[run.direction], linewidth=_RUN_WIDTHS[run.direction],
+                        label=f"run-{run.direction}", gid=f"run {run.direction}")  # fmt: skip
+            _connect(ax, run, lines)
+            for jump in run.jumps:
                 ends = [None if end is None else height.at(end, branch) for end in (jump.before, jump.after)]
-                _arrow(ax, across.scale * jump.value, ends, RUNS[one.direction])
+                _arrow(ax, abscissa.scale * jump.value, ends, RUNS[run.direction])
         name_axes(ax, branch, height.measure, element, dimensionless=dimensionless)
         dress(ax)
-        if own and scaled_axes(ax, across.above):
+        if is_new and scaled_axes(ax, abscissa.above):
             heighten(ax)
         if legend:
             add_legend(ax)
@@ -164,8 +164,8 @@ def orders(
     """
     for order in orders:
         counted("orders", order)
-    branch, own = found.sections[0].branch, ax is None
-    across = Abscissa([branch], dimensionless)
+    branch, is_new = found.sections[0].branch, ax is None
+    abscissa = Abscissa([branch], dimensionless)
     with styled():
         ax = axes_or_new(ax, (5.0, 3.4))
         for i, order in enumerate(orders):
@@ -177,11 +177,11 @@ def orders(
                 cut = partial(order_levels, quantity=quantity, order=order, element=element, dof=dof,
                               dimensionless=dimensionless)  # fmt: skip
             for section in found.sections:
-                ax.plot(across.scale * section.values, _along(section, cut), color=colour, label=f"order {order}",
+                ax.plot(abscissa.scale * section.values, _along(section, cut), color=colour, label=f"order {order}",
                         gid=f"order {order}")  # fmt: skip
             for jump in found.jumps:
                 ends = [None if end is None else float(cut(end)[0]) for end in (jump.before, jump.after)]
-                _arrow(ax, across.scale * jump.value, ends, colour)
+                _arrow(ax, abscissa.scale * jump.value, ends, colour)
         name_axes(ax, branch, "rms", element, dimensionless=dimensionless)
         if quantity is None:
             ax.set_yscale("log")
@@ -191,7 +191,7 @@ def orders(
             ax.set_ylabel(re.sub(r"re 1 u(?=[mN])", "re 1 \N{MICRO SIGN}", title))
 
         dress(ax)
-        if own and scaled_axes(ax, across.above):
+        if is_new and scaled_axes(ax, abscissa.above):
             heighten(ax)
         if legend:
             add_legend(ax)
@@ -246,8 +246,8 @@ def waterfall(
     checked("waterfall", "floor", floor, Range(above=0, below=1))
     if found.parameter != "Omega":
         raise ValueError(f"a waterfall is over Omega; this run is along {found.parameter}")
-    branch, own = found.sections[0].branch, ax is None
-    across = Abscissa([branch], dimensionless)
+    branch, is_new = found.sections[0].branch, ax is None
+    abscissa = Abscissa([branch], dimensionless)
     lowest = 20 * np.log10(floor)
     with styled():
         ax = axes_or_new(ax, (5.6, 4.2))
@@ -257,28 +257,28 @@ def waterfall(
         shades = ListedColormap(colormaps["magma_r"](np.linspace(_PALEST_SHADE, 1.0, 256)))
         for section, level in zip(found.sections, levels, strict=True):
             for k, relative in enumerate(level - top, 1):
-                frequency = across.hertz * k / _nu(section.branch) * section.values
-                points = np.column_stack([across.scale * section.values, frequency])
+                frequency = abscissa.hertz * k / _nu(section.branch) * section.values
+                points = np.column_stack([abscissa.scale * section.values, frequency])
                 middle = 0.5 * (relative[1:] + relative[:-1])
-                shown = middle > lowest
-                highest = max([highest, *frequency[1:][shown]])
-                drawn = LineCollection(
-                    np.stack([points[:-1], points[1:]], axis=1)[shown], array=middle[shown], cmap=shades,
+                visible = middle > lowest
+                highest = max([highest, *frequency[1:][visible]])
+                segments = LineCollection(
+                    np.stack([points[:-1], points[1:]], axis=1)[visible], array=middle[visible], cmap=shades,
                     clim=(lowest, 0.0), linewidths=3.0, gid=f"order {k}",
                 )  # fmt: skip
-                ax.add_collection(drawn)
-        values = across.scale * found.values
+                ax.add_collection(segments)
+        values = abscissa.scale * found.values
         ax.set_xlim(values.min(), values.max())
         ax.set_ylim(0.0, 1.05 * highest)
-        _order_lines(ax, across.hertz / across.scale)
+        _order_lines(ax, abscissa.hertz / abscissa.scale)
         name_axes(ax, branch, "rms", element, dimensionless=dimensionless)
-        ax.set_ylabel("frequency, in the unit of $\\Omega$" if across.hertz == 1.0 else "frequency [Hz]")
+        ax.set_ylabel("frequency, in the unit of $\\Omega$" if abscissa.hertz == 1.0 else "frequency [Hz]")
         dress(ax)
-        bar = ax.figure.colorbar(drawn, ax=ax, pad=0.02)
+        bar = ax.figure.colorbar(segments, ax=ax, pad=0.02)
         quantity = re.sub(r"\s*\[[^\[\]]*\]", "", _quantity(branch, element, derivative, dimensionless))
         bar.set_label(f"amplitude of {quantity}, run-{found.direction} [dB of the largest]")
         bar.ax.tick_params(direction="in", width=0.6, labelsize=8, labelfontfamily=current_font())
-        if own and scaled_axes(ax, across.above):
+        if is_new and scaled_axes(ax, abscissa.above):
             heighten(ax)
     return ax
 
@@ -311,41 +311,41 @@ def _levels(section: BranchSection, element: int | str, derivative: int) -> Arra
     layout = layout_of(section.branch)
     assert layout is not None  # runs consist of motions
     names = [f"H{k}/{layout.nu}" if k % layout.nu else f"H{k // layout.nu}" for k in range(1, layout.harmonics + 1)]
-    found = np.array([section.amplitude(name, element, derivative) for name in names])
-    out: Array = 20 * np.log10(np.maximum(found, 1e-300))
-    return out
+    amplitudes = np.array([section.amplitude(name, element, derivative) for name in names])
+    levels: Array = 20 * np.log10(np.maximum(amplitudes, 1e-300))
+    return levels
 
 
 def _heights(section: BranchSection, height: Ordinate) -> Array:
     """Return the values of a measure or quantity along a section."""
-    rest = height.along(section.branch)[section.points]
-    return rest if section.landed is None else np.append(height.at(section.landed, section.branch), rest)
+    heights = height.along(section.branch)[section.points]
+    return heights if section.landed is None else np.append(height.at(section.landed, section.branch), heights)
 
 
 def _along(section: BranchSection, cut: Callable[[Branch | Point], Array]) -> Array:
     """Return the values of an order cut along a section."""
-    rest = cut(section.branch)[section.points]
-    return rest if section.landed is None else np.append(cut(section.landed), rest)
+    values = cut(section.branch)[section.points]
+    return values if section.landed is None else np.append(cut(section.landed), values)
 
 
-def _harmonic(found: Branch | Point, order: int, element: int | str, derivative: int, factor: float) -> Array:
+def _harmonic(motion: Branch | Point, order: int, element: int | str, derivative: int, factor: float) -> Array:
     """Return the amplitude of a harmonic of the displacement, or of its derivative, at one or all points."""
-    if isinstance(found, Branch):
-        return factor * found.amplitude(f"H{order}", element, derivative=derivative)
-    layout = layout_of(found)
+    if isinstance(motion, Branch):
+        return factor * motion.amplitude(f"H{order}", element, derivative=derivative)
+    layout = layout_of(motion)
     assert layout is not None  # runs consist of motions
-    rows = layout.rows(found.X, element)[None]
+    rows = layout.rows(motion.X, element)[None]
     if derivative:
-        rows = layout.in_time(rows, {name: np.array([x]) for name, x in found.parameters.items()}, derivative)
+        rows = layout.in_time(rows, {name: np.array([x]) for name, x in motion.parameters.items()}, derivative)
     return factor * layout.measure_rows(f"H{order}", rows)
 
 
-def _connect(ax: Axes, one: RunUp, drawn: Sequence[tuple[Array, Array]]) -> None:
+def _connect(ax: Axes, run: RunUp, lines: Sequence[tuple[Array, Array]]) -> None:
     """Draw thin lines where the run changes to another curve without a jump, such as to a doubled motion."""
-    jumps = [jump.value for jump in one.jumps]
-    for section, before, after in zip(one.sections[1:], drawn, drawn[1:], strict=False):
+    jumps = [jump.value for jump in run.jumps]
+    for section, before, after in zip(run.sections[1:], lines, lines[1:], strict=False):
         if section.values[0] not in jumps:
-            ax.plot([before[0][-1], after[0][0]], [before[1][-1], after[1][0]], color=RUNS[one.direction],
+            ax.plot([before[0][-1], after[0][0]], [before[1][-1], after[1][0]], color=RUNS[run.direction],
                     linewidth=0.8, gid="on another curve")  # fmt: skip
 
 

@@ -66,11 +66,11 @@ def band(
         raise ValueError(f"there is no colour {quoted(color)}; give one that Matplotlib knows, such as 'tab:blue'")
     checked("band", "sigmas", sigmas, POSITIVE)
     with styled():
-        own, ax = ax is None, axes_or_new(ax, (5.0, 3.4))
+        is_new, ax = ax is None, axes_or_new(ax, (5.0, 3.4))
         ax.add_patch(PathPatch(_shade(found, sigmas), color=color, alpha=0.35, linewidth=0, zorder=0.5))
         ax.autoscale_view()
         ax.plot([], [], color=color, alpha=0.5, linewidth=6, label=f"\u00b1 {sigmas:g} standard deviations", gid="band")
-        if own:
+        if is_new:
             _curve(ax, found)
             if found.branch.asymptotes:
                 low, top = float(found.amplitude.min()), HEADROOM * bounded(found.branch, found.amplitude)
@@ -92,22 +92,22 @@ def _shade(found: ResponseBand, sigmas: float) -> Path:
     """Return the band as triangles of equal orientation, so that overlaps at a sharp fold are filled once."""
     from matplotlib.path import Path
 
-    known = np.isfinite(found.deviation)
+    finite = np.isfinite(found.deviation)
     size = np.array(found.size)
-    middle = np.column_stack([found.frequency, found.amplitude])[known] / size
-    angle = np.unwrap(np.arctan2(found.normal[known, 1], found.normal[known, 0]))
+    middle = np.column_stack([found.frequency, found.amplitude])[finite] / size
+    angle = np.unwrap(np.arctan2(found.normal[finite, 1], found.normal[finite, 0]))
     points = np.arange(len(angle))
-    parts = np.ceil(np.abs(np.diff(angle)) / _MAX_NORMAL_ROTATION).astype(int).clip(1)
-    at = np.append(np.concatenate([i + np.arange(n) / n for i, n in enumerate(parts)]), points[-1])
-    middle = np.column_stack([np.interp(at, points, x) for x in middle.T])
-    angle = np.interp(at, points, angle)
-    covariance = np.column_stack([np.interp(at, points, x) for x in found.covariance[known].reshape(-1, 4).T])
+    counts = np.ceil(np.abs(np.diff(angle)) / _MAX_NORMAL_ROTATION).astype(int).clip(1)
+    positions = np.append(np.concatenate([i + np.arange(n) / n for i, n in enumerate(counts)]), points[-1])
+    middle = np.column_stack([np.interp(positions, points, x) for x in middle.T])
+    angle = np.interp(positions, points, angle)
+    covariance = np.column_stack([np.interp(positions, points, x) for x in found.covariance[finite].reshape(-1, 4).T])
     away = sigmas * ellipse_contact(covariance.reshape(-1, 2, 2), np.column_stack([np.cos(angle), np.sin(angle)]))
     u, v = (middle + away) * size, (middle - away) * size
     triangles = np.concatenate([np.stack([u[:-1], u[1:], v[:-1]], 1), np.stack([u[1:], v[1:], v[:-1]], 1)])
-    one, two = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
-    turned = one[:, 0] * two[:, 1] < one[:, 1] * two[:, 0]
-    triangles[turned] = triangles[turned][:, ::-1]
+    side_a, side_b = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
+    clockwise = side_a[:, 0] * side_b[:, 1] < side_a[:, 1] * side_b[:, 0]
+    triangles[clockwise] = triangles[clockwise][:, ::-1]
     closed = np.concatenate([triangles, triangles[:, :1]], axis=1).reshape(-1, 2)
     return Path(closed, np.tile([Path.MOVETO, Path.LINETO, Path.LINETO, Path.CLOSEPOLY], len(triangles)))
 
@@ -120,7 +120,7 @@ def _curve(ax: Axes, found: ResponseBand) -> None:
     """Draw the curve in the colours of its regimes, dashed where it is unstable."""
     for (regime, stable), first, last in sections(found.branch, found.element):
         style, width = LINES[stable]
-        some = slice(first, last + 1)
+        rows = slice(first, last + 1)
         name = "_curve" if regime == "unknown" else in_words(regime)
-        ax.plot(found.frequency[some], found.amplitude[some], linestyle=style, linewidth=width, color=COLOURS[regime],
+        ax.plot(found.frequency[rows], found.amplitude[rows], linestyle=style, linewidth=width, color=COLOURS[regime],
                 label=name, gid=f"branch {regime} {stable}")  # fmt: skip

@@ -67,18 +67,18 @@ def measured(
     >>> data = hb.design.Measurements([0.8, 0.9, 1.0], [0.4, 0.7, 1.1], direction=1)
     >>> axes = hb.plot.measured(data, hb.Duffing(), hb.plot.response(curve))
     """
-    x, amplitude, deviation, across = _shown(data, model, dimensionless)
+    x, amplitude, deviation, abscissa = _in_figure_units(data, model, dimensionless)
     with styled():
         ax = axes_or_new(ax, (5.0, 3.4))
         for direction, (marker, colour, name) in SWEEPS.items():
-            mine = data.directions == direction
-            if mine.any():
-                ax.errorbar(x[mine], amplitude[mine], deviation[mine], fmt="none", ecolor=colour, elinewidth=0.6)
-                ax.plot(x[mine], amplitude[mine], marker, color=colour, label=name, zorder=5, **HOLLOW)
+            rows = data.directions == direction
+            if rows.any():
+                ax.errorbar(x[rows], amplitude[rows], deviation[rows], fmt="none", ecolor=colour, elinewidth=0.6)
+                ax.plot(x[rows], amplitude[rows], marker, color=colour, label=name, zorder=5, **HOLLOW)
         unit = data.frequency_unit(units_of(model))
         for frequency, direction, _ in data.jumps:
             ax.axvline(
-                across.scale * frequency / unit, color=SWEEPS[direction][1], linewidth=0.7, linestyle=":", zorder=0
+                abscissa.scale * frequency / unit, color=SWEEPS[direction][1], linewidth=0.7, linestyle=":", zorder=0
             )
         dress(ax)
         if legend:
@@ -86,12 +86,12 @@ def measured(
     return ax
 
 
-def _shown(data: Measurements, model: Model, dimensionless: bool) -> tuple[Array, Array, Array, OmegaAxis]:
+def _in_figure_units(data: Measurements, model: Model, dimensionless: bool) -> tuple[Array, Array, Array, OmegaAxis]:
     """Return abscissa, amplitude and deviation of measured points in the units of a figure, and its axis."""
     Omega, amplitude, deviation = data.in_units(units_of(model), unit_of(model.labels.get("amplitude", "")))
-    across, own = OmegaAxis.of(model, dimensionless), None if dimensionless else length_scale(model, {})
-    factor = factor_of(data.measure, own)
-    return across.scale * Omega, factor * amplitude, factor * deviation, across
+    abscissa, length = OmegaAxis.of(model, dimensionless), None if dimensionless else length_scale(model, {})
+    factor = factor_of(data.measure, length)
+    return abscissa.scale * Omega, factor * amplitude, factor * deviation, abscissa
 
 
 @checked_arguments()
@@ -120,27 +120,27 @@ def fitted(found: Fit, *, dimensionless: bool = False) -> Figure:
     >>> figure = hb.plot.fitted(hb.design.fit(hb.Duffing(), data, {"zeta": (0.01, 0.2)}, harmonics=3))
     """
     data = found.data
-    x, amplitude, _, across = _shown(data, found.model, dimensionless)
+    x, amplitude, _, abscissa = _in_figure_units(data, found.model, dimensionless)
     with styled():
         figure = new_figure(5.4, 4.8)
         axes: Any = figure.subplots(2, 1, sharex=True, height_ratios=(2.4, 1))
         response(found.curve, data.measure, data.element, axes[0], legend=False, speeds=False,
                  dimensionless=dimensionless)  # fmt: skip
         measured(data, found.model, axes[0], legend=False, dimensionless=dimensionless)
-        far = ~found.reached
-        if far.any():
-            axes[0].plot(x[far], amplitude[far], "x", color="black", markersize=6, label="not reached", zorder=6)
+        missed = ~found.reached
+        if missed.any():
+            axes[0].plot(x[missed], amplitude[missed], "x", color="black", markersize=6, label="not reached", zorder=6)
         add_legend(axes[0])
         axes[0].set_xlabel("")
-        below = axes[1]
+        residual_axes = axes[1]
         for direction, (marker, colour, _) in SWEEPS.items():
-            mine = data.directions == direction
-            below.plot(x[mine], found.residuals[mine], marker, color=colour, **HOLLOW)
-        below.axhspan(-2, 2, color=GREY, alpha=0.15, linewidth=0)
-        below.axhline(0.0, color=GREY, linewidth=0.6)
-        below.set_ylabel("residual\n[deviations]")
-        below.set_xlabel(across.label)
+            rows = data.directions == direction
+            residual_axes.plot(x[rows], found.residuals[rows], marker, color=colour, **HOLLOW)
+        residual_axes.axhspan(-2, 2, color=GREY, alpha=0.15, linewidth=0)
+        residual_axes.axhline(0.0, color=GREY, linewidth=0.6)
+        residual_axes.set_ylabel("residual\n[deviations]")
+        residual_axes.set_xlabel(abscissa.label)
         low, high = float(np.min(x)), float(np.max(x))
-        below.set_xlim(low - 0.05 * (high - low), high + 0.05 * (high - low))
-        dress(below)
+        residual_axes.set_xlim(low - 0.05 * (high - low), high + 0.05 * (high - low))
+        dress(residual_axes)
     return figure

@@ -74,19 +74,19 @@ def special_curves(
     if len(planes) != 1 or (plane := next(iter(planes)))[1] not in curves[0].tracked:
         raise ValueError("special_curves needs results of hb.follow in one second parameter, from one first parameter")
     x, y = plane
-    own, labels = ax is None, getattr(curves[0].layout, "labels", {})
-    across = OmegaAxis.of_ends(curves, labels.get("Omega", r"$\Omega$"), dimensionless)
-    scale = across.scale if y == "Omega" else 1.0
+    is_new, labels = ax is None, getattr(curves[0].layout, "labels", {})
+    abscissa = OmegaAxis.of_ends(curves, labels.get("Omega", r"$\Omega$"), dimensionless)
+    scale = abscissa.scale if y == "Omega" else 1.0
     with styled():
         ax = axes_or_new(ax, (5.0, 3.4))
         for curve in curves:
             name, line, colour = CURVES.get(curve.meta.get("curve", {}).get("of", ""), ("special points", "-", "black"))
             ax.plot(curve.values, scale * curve.tracked[y], linestyle=line, color=colour, label=name)
         _mark(ax, [p for curve in curves for p in curve.special], (x, y), scale)
-        if own:
+        if is_new:
             ax.set_xlabel(labels.get(x, x))
             rms = f"rms of {labels.get('amplitude', 'all elements')}"  # the parameter of a backbone
-            ax.set_ylabel({"Omega": across.label, "amplitude": rms}.get(y, labels.get(y, y)))
+            ax.set_ylabel({"Omega": abscissa.label, "amplitude": rms}.get(y, labels.get(y, y)))
             dress(ax)
         if legend:
             _add_legend(ax)
@@ -99,20 +99,20 @@ def _mark(
 ) -> None:  # fmt: skip
     """Mark special points in the plane of two parameters, with their values on request."""
     for point in map(named, points):
-        at = point.parameters[plane[0]], scale * point.parameters[plane[1]]
-        (symbol,) = ax.plot(*at, point.marker, markersize=8, color="black", markerfacecolor="white",
+        position = point.parameters[plane[0]], scale * point.parameters[plane[1]]
+        (symbol,) = ax.plot(*position, point.marker, markersize=8, color="black", markerfacecolor="white",
                             label=legend_entry(point), gid=point.label)  # fmt: skip
         if with_values:
-            text = f"{short(at[0], 5)}, {short(at[1], 4)}{unit}"
+            text = f"{short(position[0], 5)}, {short(position[1], 4)}{unit}"
             labels_of(ax).add(symbol, 0, text, text, True, (0, 1))
 
 
 def _add_legend(ax: Axes) -> None:
     """Add a legend with one entry for lines, markers and areas of the same label."""
-    drawn: list[Any] = [*ax.lines, *ax.collections]
-    handles = {str(artist.get_label()): artist for artist in drawn}
-    shown = {label: artist for label, artist in handles.items() if not label.startswith("_")}
-    ax.legend(list(shown.values()), list(shown), loc="best")
+    artists: list[Any] = [*ax.lines, *ax.collections]
+    handles = {str(artist.get_label()): artist for artist in artists}
+    visible = {label: artist for label, artist in handles.items() if not label.startswith("_")}
+    ax.legend(list(visible.values()), list(visible), loc="best")
 
 
 @checked_arguments()
@@ -148,22 +148,22 @@ def jump_map(
     >>> axes = hb.plot.jump_map(jumps)
     """
     names = {1: ("jump, sweep up", "-"), -1: ("jump, sweep down", "-.")}
-    own = ax is None
-    across = OmegaAxis.of_ends(jumps.folds, jumps.labels.get("Omega", r"$\Omega$"), dimensionless)
+    is_new = ax is None
+    abscissa = OmegaAxis.of_ends(jumps.folds, jumps.labels.get("Omega", r"$\Omega$"), dimensionless)
     with styled():
         ax = axes_or_new(ax, (5.0, 3.4))
-        _shade(ax, jumps, across.scale)
+        _shade(ax, jumps, abscissa.scale)
         for arm in jumps.arms:
             name, style = names[arm.direction]
-            ax.plot(arm.values, across.scale * arm.Omega, style, color=COLOURS["no_impact"], label=name)
-        unit = " r/min" if across.is_speed else ""
-        _mark(ax, jumps.special, (jumps.parameter, "Omega"), across.scale, True, unit)
+            ax.plot(arm.values, abscissa.scale * arm.Omega, style, color=COLOURS["no_impact"], label=name)
+        unit = " r/min" if abscissa.is_speed else ""
+        _mark(ax, jumps.special, (jumps.parameter, "Omega"), abscissa.scale, True, unit)
         ax.set_xlim(*jumps.span)
         ax.margins(y=0.12)
         ax.set_xlabel(jumps.labels.get(jumps.parameter, jumps.parameter))
-        ax.set_ylabel(across.label)
+        ax.set_ylabel(abscissa.label)
         dress(ax)
-        if own and scaled_axes(ax, across.above, "right"):
+        if is_new and scaled_axes(ax, abscissa.above, "right"):
             ax.figure.set_figwidth(6.2)  # type: ignore[union-attr]
         if not jumps.arms:
             found = "no jump found in this range" if jumps.status.complete else "no jump yet: the map is not complete"

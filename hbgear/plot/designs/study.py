@@ -87,35 +87,38 @@ def envelope(
     ...
     >>> axes = hb.plot.envelope(found)
     """
-    across, scales = _axis(found, dimensionless)
-    own, rows = ax is None, _curve_rows(found)
+    abscissa, scales = _axis(found, dimensionless)
+    is_new, rows = ax is None, _curve_rows(found)
     scale, factor = scales[rows, None], _lengths(found, dimensionless)[rows, None]
     x = _common_range(scale * np.sort(found.work.span), points)
     swept = {direction: sweep_responses(found, x / scale, direction) for direction in (1, -1)}
-    up, down = factor * swept[1].amplitude, factor * swept[-1].amplitude
-    same = np.asarray(np.isclose(up, down, rtol=1e-6, atol=0.0, equal_nan=True).all(axis=0))
+    rising, falling = factor * swept[1].amplitude, factor * swept[-1].amplitude
+    agrees = np.asarray(np.isclose(rising, falling, rtol=1e-6, atol=0.0, equal_nan=True).all(axis=0))
     with styled():
         ax = axes_or_new(ax, (5.4, 4.2))
-        _bands(ax, x, [np.where(same, up, np.nan)], "#444444", "-", ("all cases", "5 to 95 %", "median"))
-        if not same.all():
+        _bands(ax, x, [np.where(agrees, rising, np.nan)], "#444444", "-", ("all cases", "5 to 95 %", "median"))
+        if not agrees.all():
             names = {1: "sweep up: 5 to 95 %", -1: "sweep down: 5 to 95 %"}
             for direction, (_, line, colour, _) in zip((1, -1), JUMPS.values(), strict=True):
-                here, wide = swept[direction], _widened(~same)
-                parts = [np.where(wide & part, factor * here.amplitude, np.nan) for part in _parts(here.jumped)]
-                _bands(ax, x, parts, colour, line, ("_", names[direction], "_median of most cases"))
-        none = np.isnan(up).all(axis=0) & np.isnan(down).all(axis=0)
-        if none.any():  # the curve is unstable there in every case, as where its period has doubled
+                responses, widened = swept[direction], _widened(~agrees)
+                groups = [
+                    np.where(widened & group, factor * responses.amplitude, np.nan)
+                    for group in _jump_groups(responses.jumped)
+                ]
+                _bands(ax, x, groups, colour, line, ("_", names[direction], "_median of most cases"))
+        unstable = np.isnan(rising).all(axis=0) & np.isnan(falling).all(axis=0)
+        if unstable.any():  # the curve is unstable there in every case, as where its period has doubled
             ax.fill_between(
-                x, 0, 1, where=none.tolist(), transform=ax.get_xaxis_transform(), facecolor="none", edgecolor="0.6",
+                x, 0, 1, where=unstable.tolist(), transform=ax.get_xaxis_transform(), facecolor="none", edgecolor="0.6",
                 hatch="////", linewidth=0, label="no stable motion",
             )  # fmt: skip
         ax.set_xlim(x[0], x[-1])
         ax.set_ylim(bottom=0.0, top=_top(found, dimensionless))
-        ax.set_xlabel(across.label)
+        ax.set_xlabel(abscissa.label)
         ax.set_ylabel(f"{_measure(found, dimensionless)},\nslow sweeps")
         dress(ax)
-        top = _shares(ax, x, swept) if any(here.jumped.any() for here in swept.values()) else ax
-        if own and scaled_axes(top, across.above):
+        top = _shares(ax, x, swept) if any(responses.jumped.any() for responses in swept.values()) else ax
+        if is_new and scaled_axes(top, abscissa.above):
             heighten(ax)
         if legend:
             ax.legend(loc="best")
@@ -167,26 +170,26 @@ def _percentiles(amplitude: Array) -> Array:
         return np.asarray(np.nanpercentile(amplitude, PERCENTILES, axis=0, method="inverted_cdf"))
 
 
-def _bands(ax: Axes, Omega: Array, parts: list[Array], colour: str, line: str, names: tuple[str, str, str]) -> None:
+def _bands(ax: Axes, Omega: Array, groups: list[Array], colour: str, line: str, names: tuple[str, str, str]) -> None:
     """Draw bands of each group of cases, and the median of the largest group at each frequency."""
-    counts = np.array([np.isfinite(part).sum(axis=0) for part in parts])
-    for i, part in enumerate(parts):
+    counts = np.array([np.isfinite(group).sum(axis=0) for group in groups])
+    for i, group in enumerate(groups):
         if not counts[i].any():
             continue
-        least, low, middle, high, largest = _percentiles(part)
-        first = names if i == int(np.argmax(counts.any(axis=1))) else ("_", "_", "_")
-        ax.fill_between(Omega, least, largest, color=colour, alpha=0.13, linewidth=0, label=first[0])
-        ax.fill_between(Omega, low, high, color=colour, alpha=0.3, linewidth=0, label=first[1])
-        most = np.where(counts.argmax(axis=0) == i, middle, np.nan)
-        ax.plot(*_broken(Omega, most, part), line, color=colour if names[0] == "_" else "black", linewidth=1.1,
-                label=first[2], gid="median")  # fmt: skip
+        lowest, low, middle, high, largest = _percentiles(group)
+        labels = names if i == int(np.argmax(counts.any(axis=1))) else ("_", "_", "_")
+        ax.fill_between(Omega, lowest, largest, color=colour, alpha=0.13, linewidth=0, label=labels[0])
+        ax.fill_between(Omega, low, high, color=colour, alpha=0.3, linewidth=0, label=labels[1])
+        median = np.where(counts.argmax(axis=0) == i, middle, np.nan)
+        ax.plot(*_broken(Omega, median, group), line, color=colour if names[0] == "_" else "black", linewidth=1.1,
+                label=labels[2], gid="median")  # fmt: skip
 
 
-def _broken(Omega: Array, line: Array, part: Array) -> tuple[Array, Array]:
+def _broken(Omega: Array, line: Array, group: Array) -> tuple[Array, Array]:
     """Return a line with a gap where it changes to a distant case: where its change exceeds that of any single case."""
-    moves = np.where(np.isfinite(np.diff(part, axis=1)), np.abs(np.diff(part, axis=1)), 0.0).max(axis=0)
-    leaps = np.flatnonzero(np.abs(np.diff(line)) > moves + 0.02 * np.nanmax(part)) + 1
-    return np.insert(Omega, leaps, Omega[leaps - 1]), np.insert(line, leaps, np.nan)
+    changes = np.where(np.isfinite(np.diff(group, axis=1)), np.abs(np.diff(group, axis=1)), 0.0).max(axis=0)
+    jumps = np.flatnonzero(np.abs(np.diff(line)) > changes + 0.02 * np.nanmax(group)) + 1
+    return np.insert(Omega, jumps, Omega[jumps - 1]), np.insert(line, jumps, np.nan)
 
 
 def _top(found: Cases, dimensionless: bool) -> float | None:
@@ -195,32 +198,32 @@ def _top(found: Cases, dimensionless: bool) -> float | None:
     if not np.isinf(peaks).any():
         return None
     lengths, row = _lengths(found, dimensionless), {case: i for i, case in enumerate(found.table["case"].tolist())}
-    of_jumps = lengths[[row[int(case)] for case in found.jumps[:, 0]], None] * found.jumps[:, 3:]
-    known = _finite(np.concatenate([lengths * peaks, of_jumps.ravel()]))
-    return HEADROOM * float(known.max()) if known.size else None
+    jump_heights = lengths[[row[int(case)] for case in found.jumps[:, 0]], None] * found.jumps[:, 3:]
+    finite = _finite(np.concatenate([lengths * peaks, jump_heights.ravel()]))
+    return HEADROOM * float(finite.max()) if finite.size else None
 
 
-def _parts(jumped: Array) -> list[NDArray[np.bool_]]:
+def _jump_groups(jumped: Array) -> list[NDArray[np.bool_]]:
     """Return masks of cases with equal total numbers of jumps and equal numbers made so far, at each frequency."""
     total = jumped.max(axis=1)
-    every = np.broadcast_to(total[:, None], jumped.shape)
-    pairs = sorted({(float(n), float(k)) for n, k in zip(every.flat, jumped.flat, strict=True)})
-    return [(every == n) & (jumped == k) for n, k in pairs]
+    totals = np.broadcast_to(total[:, None], jumped.shape)
+    pairs = sorted({(float(n), float(k)) for n, k in zip(totals.flat, jumped.flat, strict=True)})
+    return [(totals == n) & (jumped == k) for n, k in pairs]
 
 
-def _widened(which: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _widened(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return the mask with one more frequency on each side, so that neighbouring bands meet."""
-    out = which.copy()
-    out[1:] |= which[:-1]
-    out[:-1] |= which[1:]
-    return out
+    widened = mask.copy()
+    widened[1:] |= mask[:-1]
+    widened[:-1] |= mask[1:]
+    return widened
 
 
 def _shares(ax: Axes, Omega: Array, swept: dict[int, SweepResponses]) -> Axes:
     """Add narrow axes above with the percentage of cases that have jumped, for each direction."""
     top = ax.inset_axes((0.0, 1.03, 1.0, 0.17), sharex=ax, label="share")
-    for here, (_, line, colour, label) in zip((swept[1], swept[-1]), JUMPS.values(), strict=True):
-        top.plot(Omega, 100 * (here.jumped > 0).mean(axis=0), line, color=colour, linewidth=1.0, label=label)
+    for responses, (_, line, colour, label) in zip((swept[1], swept[-1]), JUMPS.values(), strict=True):
+        top.plot(Omega, 100 * (responses.jumped > 0).mean(axis=0), line, color=colour, linewidth=1.0, label=label)
     top.set_ylim(-8, 108)
     top.set_yticks([0, 50, 100])
     top.set_ylabel("jumped [%]", fontsize=8)
@@ -246,22 +249,22 @@ def _curve_rows(found: Cases) -> list[int]:
 
 def _axis(found: Cases, dimensionless: bool) -> tuple[OmegaAxis, Array]:
     """Return the axis of Omega, the speed of the pinion if the models have scales, and Omega = 1 on it (n,) by case."""
-    units, known = found.units, list[dict[str, float]]()
+    units, units_by_case = found.units, list[dict[str, float]]()
     if units is not None:
         pairs = np.column_stack([units.mesh, units.speed])[np.isfinite(units.speed)].tolist()
-        known = [{MESH: mesh, PINION: speed} for mesh, speed in pairs]
-    across = OmegaAxis(axis_scales(known, dimensionless), _label(found, "Omega"), dimensionless)
-    return across, np.ones(len(found)) if units is None or dimensionless else units.speed
+        units_by_case = [{MESH: mesh, PINION: speed} for mesh, speed in pairs]
+    abscissa = OmegaAxis(axis_scales(units_by_case, dimensionless), _label(found, "Omega"), dimensionless)
+    return abscissa, np.ones(len(found)) if units is None or dimensionless else units.speed
 
 
-def _known_lengths(found: Cases, dimensionless: bool) -> Array | None:
+def _length_units(found: Cases, dimensionless: bool) -> Array | None:
     """Return the unit of length [m] by case (n,); None if amplitudes keep the unit of the model."""
     return None if dimensionless or found.units is None else found.units.length
 
 
 def _lengths(found: Cases, dimensionless: bool) -> Array:
     """Return the unit of amplitudes [um] by case (n,), or 1 if it is unknown."""
-    return factor_of(found.work.measure, _known_lengths(found, dimensionless)) * np.ones(len(found))
+    return factor_of(found.work.measure, _length_units(found, dimensionless)) * np.ones(len(found))
 
 
 @checked_arguments()
@@ -302,15 +305,15 @@ def jump_distribution(found: Cases, ax: Axes | None = None, *, bins: int = 30, d
     """
     if "jump_rising" not in found.table:
         raise ValueError("there are no jump frequencies; compute them: compute=('jumps',)")
-    across, scale = _axis(found, dimensionless)
+    abscissa, scale = _axis(found, dimensionless)
     columns = {name: _finite(scale * found.table[name]) for name in JUMPS}
-    every = np.concatenate(list(columns.values()))
-    own = ax is None
+    all_jumps = np.concatenate(list(columns.values()))
+    is_new = ax is None
     with styled():
         ax = axes_or_new(ax, (5.0, 3.4))
-        if len(every):
-            count = max(4, min(bins, int(np.ceil(2 * np.sqrt(len(every) / 2)))))
-            edges = np.histogram_bin_edges(every, count)
+        if len(all_jumps):
+            count = max(4, min(bins, int(np.ceil(2 * np.sqrt(len(all_jumps) / 2)))))
+            edges = np.histogram_bin_edges(all_jumps, count)
             for name, values in columns.items():
                 _, line, colour, label = JUMPS[name]
                 label = f"{label}: {len(values)} of {len(found)} cases"
@@ -322,10 +325,10 @@ def jump_distribution(found: Cases, ax: Axes | None = None, *, bins: int = 30, d
         else:
             ax.text(0.5, 0.5, "no jump in any case", transform=ax.transAxes, ha="center")
         ax.locator_params(axis="y", integer=True)
-        ax.set_xlabel(f"jump, {across.label}")
+        ax.set_xlabel(f"jump, {abscissa.label}")
         ax.set_ylabel("cases")
         dress(ax)
-        if own and scaled_axes(ax, across.above):
+        if is_new and scaled_axes(ax, abscissa.above):
             heighten(ax)
     return ax
 
@@ -383,7 +386,7 @@ def against_parameters(
         for ax, name in zip(axes[-1], names, strict=True):
             ax.set_xlabel(_wrapped(_label(found, name)))
             ax.locator_params(axis="x", nbins=4)
-        handles, labels = _legend_of(axes)
+        handles, labels = _legend_entries(axes)
         if labels:
             figure.legend(handles, labels, loc="outside upper center", ncols=len(labels))
     return figure
@@ -415,13 +418,13 @@ def figures(found: Cases) -> dict[str, Any]:
     >>> sorted(hb.plot.figures(found))
     ['against_parameters', 'envelope', 'jump_distribution']
     """
-    drawn: dict[str, Any] = {}
+    figures_by_name: dict[str, Any] = {}
     for draw in (envelope, jump_distribution, against_parameters):
         try:
-            drawn[draw.__name__] = draw(found)
+            figures_by_name[draw.__name__] = draw(found)
         except ValueError:  # these numbers were not computed
             continue
-    return drawn
+    return figures_by_name
 
 
 def _rows(found: Cases, dimensionless: bool) -> list[tuple[str, list[str], Array]]:
@@ -430,8 +433,8 @@ def _rows(found: Cases, dimensionless: bool) -> list[tuple[str, list[str], Array
     if "peak" in found.table:
         rows.append((f"largest {_measure(found, dimensionless)}", ["peak"], _lengths(found, dimensionless)))
     if "jump_rising" in found.table:
-        across, scale = _axis(found, dimensionless)
-        rows.append((f"jumps, {across.label}", list(JUMPS), scale))
+        abscissa, scale = _axis(found, dimensionless)
+        rows.append((f"jumps, {abscissa.label}", list(JUMPS), scale))
     critical = [(f"critical {_label(found, name)}", [f"critical_{name}"], ones) for name in found.work.critical]
     return rows + critical
 
@@ -439,16 +442,16 @@ def _rows(found: Cases, dimensionless: bool) -> list[tuple[str, list[str], Array
 def _dots(ax: Axes, found: Cases, name: str, column: str, scale: Array) -> None:
     marker, _, colour, label = JUMPS.get(column, ("o", "", COLOURS["no_impact"], "_"))
     x, y = found.table[name], scale * found.table[column]
-    which = np.isfinite(y)
-    ax.plot(x[which], y[which], marker, color=colour, markersize=3.0 if len(x) < 300 else 1.8, alpha=0.75,
+    finite = np.isfinite(y)
+    ax.plot(x[finite], y[finite], marker, color=colour, markersize=3.0 if len(x) < 300 else 1.8, alpha=0.75,
             markeredgewidth=0, label=label, rasterized=len(x) > _MAX_VECTOR_CASES, gid=column)  # fmt: skip
 
 
-def _legend_of(axes: Any) -> tuple[list[Any], list[str]]:
+def _legend_entries(axes: Any) -> tuple[list[Any], list[str]]:
     """Return one legend entry for each label of any panel."""
     entries = {str(line.get_label()): line for ax in axes.flat for line in ax.lines}
-    shown = {label: line for label, line in entries.items() if not label.startswith("_")}
-    return list(shown.values()), list(shown)
+    visible = {label: line for label, line in entries.items() if not label.startswith("_")}
+    return list(visible.values()), list(visible)
 
 
 def _wrapped(label: str, width: int = 24) -> str:
@@ -470,8 +473,8 @@ def _finite(column: Array) -> Array:
 def _measure(found: Cases, dimensionless: bool) -> str:
     """Return the name of the measure and of the measured coordinate."""
     motion = found.model.labels.get("amplitude", "gap (model units)")
-    known = _known_lengths(found, dimensionless) is not None
-    return in_figure(axis_text(found.work.measure, in_micrometres(motion) if known else motion))
+    is_physical = _length_units(found, dimensionless) is not None
+    return in_figure(axis_text(found.work.measure, in_micrometres(motion) if is_physical else motion))
 
 
 def _label(found: Cases, name: str) -> str:

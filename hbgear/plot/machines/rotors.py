@@ -44,8 +44,8 @@ def campbell(found: Campbell, ax: Axes | None = None, *, legend: bool = True, di
     >>> import hbgear as hb
     >>> axes = hb.plot.campbell(hb.analysis.campbell(hb.gears.GearRotorBearing(), (0.2, 2.0)))
     """
-    own, across = ax is None, OmegaAxis(found.scales, r"$\Omega$, frequency of the excitation", dimensionless)
-    speeds, unit = across.scale * found.Omega, across.hertz
+    is_new, abscissa = ax is None, OmegaAxis(found.scales, r"$\Omega$, frequency of the excitation", dimensionless)
+    speeds, unit = abscissa.scale * found.Omega, abscissa.hertz
     senses = [whirl_word(_middle(column)) for column in found.whirl.T]
     with styled():
         ax = axes_or_new(ax, (5.6, 3.6))
@@ -58,20 +58,22 @@ def campbell(found: Campbell, ax: Axes | None = None, *, legend: bool = True, di
         highest = 1.5 * max(found.orders.values(), default=np.inf) * found.Omega[-1]
         top = 1.05 * unit * min(float(np.nanmax(found.frequencies, initial=0.0)), highest) or 1.0
         for i, (name, order) in enumerate(found.orders.items()):
-            word = "mesh" if name == "Omega" and across.is_speed else name
+            word = "mesh" if name == "Omega" and abscissa.is_speed else name
             ax.plot(speeds, order * found.Omega * unit, color=BRANCHES[(i + 1) % len(BRANCHES)],
                     linestyle="--", linewidth=0.9, label=f"order {order:.4g}: {word}", gid=f"order {name}")  # fmt: skip
         if found.critical:
-            at = [(across.scale * one.Omega, one.frequency * unit) for one in found.critical]
-            ax.plot(*zip(*at, strict=True), "o",
+            points = [(abscissa.scale * speed.Omega, speed.frequency * unit) for speed in found.critical]
+            ax.plot(*zip(*points, strict=True), "o",
                     color="black", markersize=3.4, label="critical speed", zorder=3)  # fmt: skip
         ax.set_xlim(speeds[0], speeds[-1])
         ax.set_ylim(0, top)
-        ax.set_xlabel(across.label)
-        ax.set_ylabel("natural frequency [Hz]" if across.is_speed else r"natural frequency $\omega$ (unit of $\Omega$)")
+        ax.set_xlabel(abscissa.label)
+        ax.set_ylabel(
+            "natural frequency [Hz]" if abscissa.is_speed else r"natural frequency $\omega$ (unit of $\Omega$)"
+        )
         ax.grid(color=GREY, linewidth=0.3, alpha=0.5)
         dress(ax)
-        if own and scaled_axes(ax, across.above):
+        if is_new and scaled_axes(ax, abscissa.above):
             heighten(ax)
         if legend:
             ax.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.2)
@@ -84,5 +86,5 @@ def _label(word: str) -> str:
 
 def _middle(column: Array) -> float:
     """Return the median of the finite values of a column; nan if there are none."""
-    known = column[np.isfinite(column)]
-    return float(np.median(known)) if len(known) else np.nan
+    finite = column[np.isfinite(column)]
+    return float(np.median(finite)) if len(finite) else np.nan

@@ -45,10 +45,10 @@ def tooth_loads(loads: ToothLoads) -> Figure:
         figure = new_figure(5.4, 4.8)
         top, bottom = figure.subplots(2, 1, sharex=True)
         u, count = loads.position, len(loads.force)
-        shown = np.sort(np.argsort(loads.force.max(axis=1))[-MAX_PAIRS:])
+        pairs = np.sort(np.argsort(loads.force.max(axis=1))[-MAX_PAIRS:])
         top.plot(u, loads.static.force[0] / 1e3, color=GREY, ls="--", lw=1.2, label="static")
         bottom.plot(u, loads.static.share[0], color=GREY, ls="--", lw=1.2)
-        for i, p in enumerate(shown.tolist()):
+        for i, p in enumerate(pairs.tolist()):
             color = BRANCHES[i % len(BRANCHES)]
             name = "pair of teeth" if count == 1 else f"pair {p + 1} of {count}"
             top.plot(u, loads.force[p] / 1e3, color=color, lw=1.4, label=name)
@@ -59,8 +59,8 @@ def tooth_loads(loads: ToothLoads) -> Figure:
         top.set_title(f"largest force {loads.force_factor:.2f} times the static one", loc="left")
         bottom.set_ylabel("share in the mesh force [-]")
         bottom.set_xlabel("position on the path of contact [mesh periods]")
-        inside = np.flatnonzero(loads.static.force[0] > 0)
-        bottom.set_xlim(u[inside[0]] - 0.1, u[inside[-1]] + 0.1)
+        loaded = np.flatnonzero(loads.static.force[0] > 0)
+        bottom.set_xlim(u[loaded[0]] - 0.1, u[loaded[-1]] + 0.1)
         bottom.set_ylim(-0.04, 1.08)
         for ax in (top, bottom):
             dress(ax)

@@ -51,7 +51,7 @@ def train(machine: Train, ax: Axes | None = None) -> Axes:
     ...           hb.gears.Wheel("out", 4e-3, teeth=40, base_radius=0.056)]
     >>> axes = hb.plot.train(hb.gears.Train(wheels, [hb.gears.Mesh("in", "out", 4e8, 4e-5, eps=(0.2,))], balance="out"))
     """
-    found = machine._kinematics
+    motion = machine._kinematics
     wheels = {wheel.name: wheel for wheel in machine.wheels}
     radius = {name: wheel.base_radius / np.cos(0.35) for name, wheel in wheels.items()}
     usual = max(radius.values())
@@ -65,12 +65,12 @@ def train(machine: Train, ax: Axes | None = None) -> Axes:
         for beam in machine.beams:
             ends = np.array([centres[beam.first], centres[beam.second]])
             ax.plot(*ends.T, "-", color=GREY, linewidth=4.5, alpha=0.6, zorder=1, label="shaft with mass", gid="beam")
-        for i, (mesh, angles) in enumerate(zip(machine.meshes, found.angles, strict=True)):
+        for i, (mesh, angles) in enumerate(zip(machine.meshes, motion.angles, strict=True)):
             _line_of_action(ax, machine, i, mesh, angles, centres, size)
         for bearing in machine.bearings:
             _bearing(ax, machine, bearing, centres[bearing.at] - [0.0, 0.12 * 1e3 * size[bearing.at]])
         for name, wheel in wheels.items():
-            _wheel(ax, wheel, centres[name], size[name], float(found.speeds[name]))
+            _wheel(ax, wheel, centres[name], size[name], float(motion.speeds[name]))
         ax.set_aspect("equal")
         ax.set_xlabel("x [mm]")
         ax.set_ylabel("y [mm]")
@@ -194,9 +194,9 @@ def load_sharing(found: LoadSharing, ax: Axes | None = None) -> Axes:
         for j, name in enumerate(found.meshes):
             colour = BRANCHES[j % len(BRANCHES)]
             for i, ((_, stable), first, last) in enumerate(sections(curve, 0)):
-                some = slice(first, last + 1)
+                points = slice(first, last + 1)
                 style, width = LINES[stable]
-                ax.plot(curve.values[some], found.factor[some, j], linestyle=style, linewidth=width, color=colour,
+                ax.plot(curve.values[points], found.factor[points, j], linestyle=style, linewidth=width, color=colour,
                         label="_" if i else f"{name}: largest", gid=f"mesh {name}")  # fmt: skip
             ax.plot(curve.values, n * found.share[:, j], color=colour, linewidth=0.7, alpha=0.7,
                     label=f"{name}: mean" if n <= 4 else "_", gid=f"mean {name}")  # fmt: skip
@@ -217,9 +217,9 @@ def _label(curve: Branch) -> str:
 
 def _centres(machine: Train, size: dict[str, float]) -> dict[str, np.ndarray]:
     """Return the centres [mm]; wheels that all have the same position are set side by side, from mesh to mesh."""
-    given = {w.name: 1e3 * np.array([w.x, w.y]) for w in machine.wheels}
-    if np.ptp([*given.values()], axis=0).max() > 0:
-        return given
+    positions = {w.name: 1e3 * np.array([w.x, w.y]) for w in machine.wheels}
+    if np.ptp([*positions.values()], axis=0).max() > 0:
+        return positions
     placed = {machine.meshes[0].first: np.zeros(2)}
     while True:
         pairs = [(m.first, m.second) for m in machine.meshes] + [(s.first, s.second) for s in machine.shafts]
@@ -229,15 +229,15 @@ def _centres(machine: Train, size: dict[str, float]) -> dict[str, np.ndarray]:
                 if a in placed and b not in placed:
                     wheels = {w.name: w for w in machine.wheels}
                     rings = wheels[a].internal or wheels[b].internal
-                    way = abs(size[a] - size[b]) if rings else size[a] + size[b]
-                    step = np.array([way, 0.0]) if k < meshing else np.array([0.0, 1.2 * (size[a] + size[b])])
+                    distance = abs(size[a] - size[b]) if rings else size[a] + size[b]
+                    step = np.array([distance, 0.0]) if k < meshing else np.array([0.0, 1.2 * (size[a] + size[b])])
                     placed[b] = placed[a] + 1e3 * step
                     break
             else:
                 continue
             break
         else:
-            return {name: placed.get(name, np.zeros(2)) for name in given}
+            return {name: placed.get(name, np.zeros(2)) for name in positions}
 
 
 def _bearing(ax: Axes, machine: Train, bearing: Any, centre: np.ndarray) -> None:
@@ -261,8 +261,8 @@ def _wheel(ax: Axes, wheel: Any, centre: np.ndarray, size: float, speed: float) 
     ring = wheel.internal
     ax.annotate(text, (centre[0], centre[1] + (0.78 * r if ring else 0.12 * r)), ha="center", va="bottom", fontsize=8)
     if wheel.unbalance:
-        there = centre + 0.7 * r * np.array([np.cos(wheel.unbalance_angle), np.sin(wheel.unbalance_angle)])
-        ax.plot(*there[:, None], "o", color="black", markersize=4, label="unbalance")
+        position = centre + 0.7 * r * np.array([np.cos(wheel.unbalance_angle), np.sin(wheel.unbalance_angle)])
+        ax.plot(*position[:, None], "o", color="black", markersize=4, label="unbalance")
     _arrow(ax, centre, _ARROW_RADIUS_RATIO * r if not ring else 0.94 * r, speed)
 
 
@@ -286,18 +286,18 @@ def _line_of_action(
     size: dict[str, float],
 ) -> None:  # fmt: skip
     """Draw the line of action through the pitch point; its legend entry has the order and lag of the mesh."""
-    found = machine._kinematics
+    motion = machine._kinematics
     outer, inner = inner_first(mesh, {wheel.name: wheel for wheel in machine.wheels})
     alpha, phi = angles
     if not np.ptp([(w.x, w.y) for w in machine.wheels], axis=0).max():
-        away = centres[inner.name] - centres[outer.name]
-        phi = float(np.arctan2(away[1], away[0])) + (np.pi if inner.internal else 0.0)
+        offset = centres[inner.name] - centres[outer.name]
+        phi = float(np.arctan2(offset[1], offset[0])) + (np.pi if inner.internal else 0.0)
     r = 1e3 * size[outer.name]
     pitch = centres[outer.name] + r * np.array([np.cos(phi), np.sin(phi)])
-    n = np.array([np.sin(alpha), found.sides[i] * np.cos(alpha)])
+    n = np.array([np.sin(alpha), motion.sides[i] * np.cos(alpha)])
     n = np.array([[np.cos(phi), -np.sin(phi)], [np.sin(phi), np.cos(phi)]]) @ n
     ends = np.array([pitch - 0.55 * r * n, pitch + 0.55 * r * n])
     colour = BRANCHES[(i + 1) % len(BRANCHES)]
-    cycles = found.lags[i] / (2 * np.pi)
+    cycles = motion.lags[i] / (2 * np.pi)
     ax.plot(*ends.T, color=colour, linewidth=1.5, zorder=3, gid=f"mesh {mesh.name}",
-            label=f"{mesh.name}: order {found.orders[i]}, lag {cycles:.3g} cycles")  # fmt: skip
+            label=f"{mesh.name}: order {motion.orders[i]}, lag {cycles:.3g} cycles")  # fmt: skip
