@@ -62,20 +62,20 @@ def from_ross(rotor: Any) -> Matrices:
         if not hasattr(rotor, name):
             raise TypeError(f"from_ross needs a ross.Rotor or ross.MultiRotor; got {given(rotor)}")
     M, G = np.asarray(rotor.M(), dtype=float), np.asarray(rotor.G(), dtype=float)
-    tables = [table for bearing in rotor.bearing_elements if (table := _speeds_of(bearing)) is not None]
-    still = tables[0][0] if tables else 0.0
-    K, C = (np.asarray(matrix(still), dtype=float) for matrix in (rotor.K, rotor.C))
-    springs = list(_springs(rotor, still, 0, len(K)))
+    tables = [table for bearing in rotor.bearing_elements if (table := _bearing_speeds(bearing)) is not None]
+    lowest_speed = tables[0][0] if tables else 0.0
+    K, C = (np.asarray(matrix(lowest_speed), dtype=float) for matrix in (rotor.K, rotor.C))
+    springs = list(_springs(rotor, lowest_speed, 0, len(K)))
     for spring in springs:
         K = K - spring.coupling
 
-    def over(matrix: Any, first: Array) -> Any:
+    def change_with_speed(matrix: Any, first: Array) -> Any:
         """Return the change of a matrix with speed, relative to its first value; None if it is constant."""
         if all(np.abs(np.asarray(matrix(w)) - first).max() <= _SPEED_TOLERANCE * np.abs(first).max()
                for table in tables for w in table):  # fmt: skip
             return None
 
-        def more(speed: float) -> Array:
+        def matrix_change(speed: float) -> Array:
             low, high = max(t.min() for t in tables), min(t.max() for t in tables)
             if not low <= speed <= high:
                 raise ValueError(
@@ -83,17 +83,17 @@ def from_ross(rotor: Any) -> Matrices:
                 )
             return np.asarray(matrix(speed), dtype=float) - first
 
-        return more
+        return matrix_change
 
     axes = _AXES.get(int(rotor.number_dof), ())
     count = len(M) // len(axes) if axes and len(M) % len(axes) == 0 else 0
     names = [f"{axis}_{node}" for node in range(count) for axis in axes]
     meshes = _named(springs, int(rotor.number_dof))
-    more = over(rotor.K, np.asarray(rotor.K(still), dtype=float))
-    return Matrices(M, K, C, skew(G) if G.any() else None, names, over(rotor.C, C), more, meshes)
+    stiffness = change_with_speed(rotor.K, np.asarray(rotor.K(lowest_speed), dtype=float))
+    return Matrices(M, K, C, skew(G) if G.any() else None, names, change_with_speed(rotor.C, C), stiffness, meshes)
 
 
-def _speeds_of(bearing: Any) -> Array | None:
+def _bearing_speeds(bearing: Any) -> Array | None:
     """Return the speeds of the coefficients of a bearing, in the attribute ``frequency`` or, in newer ROSS, speed."""
     for name in ("frequency", "speed"):
         table = getattr(bearing, name, None)
@@ -117,24 +117,24 @@ def _springs(rotor: Any, speed: float, first: int, n: int) -> Iterator[_Spring]:
     The spring of a pair is the difference between K of both rotors coupled and K of each rotor alone. It is zero where
     ROSS computes the force of the backlash itself.
     """
-    mesh, parts = getattr(rotor, "mesh", None), getattr(rotor, "rotors", None)
+    mesh, rotors = getattr(rotor, "mesh", None), getattr(rotor, "rotors", None)
     if mesh is None:
         return
-    if not isinstance(parts, dict) or set(parts) != {"driving", "driven"}:
+    if not isinstance(rotors, dict) or set(rotors) != {"driving", "driven"}:
         raise ValueError("the gears of the rotor cannot be found: a MultiRotor has rotors['driving'] and ['driven']")
-    driving, driven = parts["driving"], parts["driven"]
+    driving, driven = rotors["driving"], rotors["driven"]
     ratio = float(mesh.gear_ratio)
-    alone = block_diag(driving.K(speed), driven.K(speed * ratio))
-    coupling = np.asarray(rotor.K(speed), dtype=float) - alone
+    uncoupled = block_diag(driving.K(speed), driven.K(speed * ratio))
+    coupling = np.asarray(rotor.K(speed), dtype=float) - uncoupled
     k = float(mesh.stiffness)
-    inside = np.abs(coupling).max() > _RANK_ONE_TOLERANCE * k
-    own = _direction(coupling / k if inside else _coupling(rotor, mesh, len(alone)))
-    direction, removed = np.zeros(n), np.zeros((n, n))
-    here = slice(first, first + len(alone))
-    direction[here] = own
-    if inside:
-        removed[here, here] = coupling
-    yield _Spring(direction, k, removed)
+    in_stiffness = np.abs(coupling).max() > _RANK_ONE_TOLERANCE * k
+    pair_direction = _direction(coupling / k if in_stiffness else _coupling(rotor, mesh, len(uncoupled)))
+    direction, subtracted = np.zeros(n), np.zeros((n, n))
+    rows = slice(first, first + len(uncoupled))
+    direction[rows] = pair_direction
+    if in_stiffness:
+        subtracted[rows, rows] = coupling
+    yield _Spring(direction, k, subtracted)
     yield from _springs(driving, speed, first, n)
     yield from _springs(driven, speed * ratio, first + len(driving.K(speed)), n)
 
@@ -142,13 +142,13 @@ def _springs(rotor: Any, speed: float, first: int, n: int) -> Iterator[_Spring]:
 def _coupling(rotor: Any, mesh: Any, n: int) -> Array:
     """Return the matrix w w^T (n, n) of a gear pair, for all versions of ROSS."""
     for name in ("compute_coupling_matrix", "coupling_matrix", "K_coupling"):
-        found = getattr(rotor, name, None)
-        if found is not None:
-            small = np.asarray(found() if callable(found) else found, dtype=float)
+        attribute = getattr(rotor, name, None)
+        if attribute is not None:
+            small = np.asarray(attribute() if callable(attribute) else attribute, dtype=float)
             dofs = [*mesh.driving_gear.dof_global_index.values(), *mesh.driven_gear.dof_global_index.values()]
-            out = np.zeros((n, n))
-            out[np.ix_(dofs, dofs)] = small
-            return out
+            coupling = np.zeros((n, n))
+            coupling[np.ix_(dofs, dofs)] = small
+            return coupling
     raise ValueError("no spring couples the gears of the rotor, and it has no coupling matrix; need one of them")
 
 
@@ -194,28 +194,28 @@ def from_opentorsion(assembly: Any) -> Matrices:
         if not hasattr(assembly, name):
             raise TypeError(f"from_opentorsion needs an opentorsion.Assembly; got {given(assembly)}")
     M, K, C = (np.array(getattr(assembly, name), dtype=float) for name in ("M", "K", "C"))
-    kept = np.eye(len(M))  # angles of the nodes in terms of the coordinates that rigid gears leave
+    transform = np.eye(len(M))  # angles of the nodes in terms of the coordinates that rigid gears leave
     if getattr(assembly, "gear_elements", None):
-        kept = np.asarray(assembly.T(assembly.E()), dtype=float)
-    if kept.shape[1:] != M.shape[:1]:
+        transform = np.asarray(assembly.T(assembly.E()), dtype=float)
+    if transform.shape[1:] != M.shape[:1]:
         raise ValueError(
-            f"the gears leave {kept.shape[1:]} coordinates, and the matrices of the assembly have {len(M)}"
+            f"the gears leave {transform.shape[1:]} coordinates, and the matrices of the assembly have {len(M)}"
         )
     meshes = {}
     for gear in getattr(assembly, "elastic_gear_elements", None) or ():
         if gear.parent is None:
             continue
-        w = np.zeros(len(kept))
+        w = np.zeros(len(transform))
         w[[gear.parent.node, gear.node]] = _direction(np.asarray(gear.K(), dtype=float) / gear.k)
-        w = kept.T @ w
+        w = transform.T @ w
         meshes[f"{gear.parent.node}-{gear.node}"] = w, float(gear.k)
         K -= gear.k * np.outer(w, w)
-    return Matrices(M, K, C, None, [f"theta_{node}" for node in _nodes(kept)], meshes=meshes)
+    return Matrices(M, K, C, None, [f"theta_{node}" for node in _nodes(transform)], meshes=meshes)
 
 
-def _nodes(kept: Array) -> list[int]:
+def _nodes(transform: Array) -> list[int]:
     """Return, for each coordinate, the node whose angle it is."""
-    rows = [np.flatnonzero((kept == unit).all(axis=1)) for unit in np.eye(kept.shape[1])]
+    rows = [np.flatnonzero((transform == unit).all(axis=1)) for unit in np.eye(transform.shape[1])]
     if not all(len(row) for row in rows):
         raise ValueError("a coordinate of the assembly is not the angle of a node; need the T(E()) of openTorsion")
     return [int(row[0]) for row in rows]

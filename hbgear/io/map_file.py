@@ -31,10 +31,10 @@ def save_map(found: JumpMap, path: str | os.PathLike[str]) -> None:
     """
     if not found.curves:
         raise ValueError("the jump map has no response curve yet, so there is nothing to save")
-    every = [one for curve in (*found.curves, *found.folds) for one in curve.curves]
-    first, *rest = (dataclasses.replace(one, others=()) for one in every)
+    curves = [branch for curve in (*found.curves, *found.folds) for branch in curve.curves]
+    first, *others = (dataclasses.replace(branch, others=()) for branch in curves)
     meta = {**first.meta, "map": _settings(found.parameter, found.span, found.frequencies)}
-    dataclasses.replace(first, meta=meta, others=tuple(rest)).save(path)
+    dataclasses.replace(first, meta=meta, others=tuple(others)).save(path)
 
 
 def read_map(
@@ -71,21 +71,23 @@ def read_map(
     differences = {"model": "another model", "balance": "other harmonics or samples", "map": "another map"}
     for name, meaning in differences.items():
         if not _is_same(_plain(first.meta.get(name)), _plain(expected[name])):
-            about = quoted(first.meta.get("map"))
-            raise ValueError(f"'{path}' is the part of a jump map of {meaning} ({about}): give another output file, or "
+            entry = quoted(first.meta.get("map"))
+            raise ValueError(f"'{path}' is the part of a jump map of {meaning} ({entry}): give another output file, or "
                              "remove this one")  # fmt: skip
-    every = (dataclasses.replace(first, others=()), *first.others)
-    curves = _by_value(
-        [dataclasses.replace(one, problem=problem) for one in every if one.parameter == "Omega"], parameter
+    curves = (dataclasses.replace(first, others=()), *first.others)
+    responses = _by_value(
+        [dataclasses.replace(curve, problem=problem) for curve in curves if curve.parameter == "Omega"], parameter
     )
     folds = tuple(
-        dataclasses.replace(one, problem=equations_of_curve(problem, one))
-        for one in every
-        if one.parameter == parameter
+        dataclasses.replace(curve, problem=equations_of_curve(problem, curve))
+        for curve in curves
+        if curve.parameter == parameter
     )
     low, high = sorted(map(float, span))
     begin, end = map(float, frequencies)
-    return JumpMap(parameter, (low, high), folds, (), {}, Status.INTERRUPTED, "read from a file", curves, (begin, end))
+    return JumpMap(
+        parameter, (low, high), folds, (), {}, Status.INTERRUPTED, "read from a file", responses, (begin, end)
+    )
 
 
 def _by_value(curves: list[Branch], parameter: str) -> tuple[Branch, ...]:
@@ -93,23 +95,23 @@ def _by_value(curves: list[Branch], parameter: str) -> tuple[Branch, ...]:
     groups: dict[float, list[Branch]] = {}
     for curve in curves:
         groups.setdefault(curve.fixed[parameter], []).append(curve)
-    return tuple(dataclasses.replace(first, others=tuple(rest)) for first, *rest in groups.values())
+    return tuple(dataclasses.replace(first, others=tuple(others)) for first, *others in groups.values())
 
 
 def _settings(parameter: str, span: tuple[float, float], frequencies: tuple[float, float]) -> dict[str, Any]:
     return {"parameter": parameter, "span": sorted(map(float, span)), "frequencies": list(map(float, frequencies))}
 
 
-def _is_same(written: Any, own: Any) -> bool:
+def _is_same(stored: Any, expected: Any) -> bool:
     """Return whether an entry of the header is that of the map; of models only what both descriptions hold."""
-    if is_description(written) and is_description(own):
+    if is_description(stored) and is_description(expected):
         names = ("class", "from")
-        return all(written.get(name) == own.get(name) for name in names) and not differing_fields(written, own)
-    return bool(written == own)
+        return all(stored.get(name) == expected.get(name) for name in names) and not differing_fields(stored, expected)
+    return bool(stored == expected)
 
 
 def _plain(value: Any) -> Any:
     """Return a value with tuples as lists; files contain either."""
     if isinstance(value, dict):
-        return {name: _plain(each) for name, each in value.items()}
-    return [_plain(each) for each in value] if isinstance(value, list | tuple) else value
+        return {name: _plain(x) for name, x in value.items()}
+    return [_plain(x) for x in value] if isinstance(value, list | tuple) else value

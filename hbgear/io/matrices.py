@@ -81,10 +81,10 @@ class Matrices:
 
     def __post_init__(self) -> None:
         for name in NAMES:
-            given = getattr(self, name)
-            if given is None and name not in NAMES[:2]:
+            value = getattr(self, name)
+            if value is None and name not in NAMES[:2]:
                 continue
-            object.__setattr__(self, name, square(name, given))
+            object.__setattr__(self, name, square(name, value))
             if getattr(self, name).shape != self.M.shape:
                 raise ValueError(f"{name} has shape {getattr(self, name).shape}; need {self.M.shape}, the shape of M")
         if not is_listed(self.dof_names) or not all(isinstance(name, str) for name in self.dof_names):
@@ -97,9 +97,9 @@ class Matrices:
             raise ValueError(f"Matrices: two coordinates are called {quoted(twice)}; give each another name")
         object.__setattr__(self, "dof_names", names)
         for name in ("damping", "stiffness"):
-            given = getattr(self, name)
-            if given is not None and not callable(given):
-                raise ValueError(f"Matrices: {name} = {quoted(given)} must be a MatrixTable or a function of the speed")
+            value = getattr(self, name)
+            if value is not None and not callable(value):
+                raise ValueError(f"Matrices: {name} = {quoted(value)} must be a MatrixTable or a function of the speed")
         if not isinstance(self.meshes, Mapping):
             raise ValueError(f"Matrices: meshes = {quoted(self.meshes)} must be a dict of directions and stiffnesses")
 
@@ -147,12 +147,12 @@ class Matrices:
         """
         checked("system", "ratio", ratio, ANY)
 
-        def over(term: OverSpeed | None) -> OverSpeed | None:
+        def at_frequency(term: OverSpeed | None) -> OverSpeed | None:
             return None if term is None else lambda Omega: term(ratio * Omega)
 
         speed = None
         if self.G is not None or self.damping is not None or self.stiffness is not None:
-            speed = SpeedTerms(self.G, ratio, over(self.damping), over(self.stiffness))
+            speed = SpeedTerms(self.G, ratio, at_frequency(self.damping), at_frequency(self.stiffness))
         return System(self.M, self.C, self.K, elements, load, self.dof_names, speed)
 
 
@@ -197,29 +197,33 @@ def from_matrices(
     >>> found.n
     3
     """
-    called = {name: name for name in NAMES} | dict(names or {})
-    wrong = next((name for name in called if name not in NAMES), None)
-    if wrong is not None:
-        raise ValueError(f"from_matrices: names has '{wrong}'; the matrices are {', '.join(NAMES)}")
+    names_in_file = {name: name for name in NAMES} | dict(names or {})
+    unknown = next((name for name in names_in_file if name not in NAMES), None)
+    if unknown is not None:
+        raise ValueError(f"from_matrices: names has '{unknown}'; the matrices are {', '.join(NAMES)}")
     if isinstance(source, Mapping):
-        wrong = next((name for name in source if name not in NAMES), None)
-        if wrong is not None:
-            raise ValueError(f"from_matrices: there is no matrix '{wrong}'; give {', '.join(NAMES)}, M and K at least")
-        found = {name: _one(value, called[name]) for name, value in source.items()}
+        unknown = next((name for name in source if name not in NAMES), None)
+        if unknown is not None:
+            raise ValueError(
+                f"from_matrices: there is no matrix '{unknown}'; give {', '.join(NAMES)}, M and K at least"
+            )
+        matrices = {name: _matrix(value, names_in_file[name]) for name, value in source.items()}
     else:
-        every = _variables(source)
-        found = {name: every[called[name]] for name in NAMES if called[name] in every}
-        missing = [called[name] for name in NAMES[:2] if name not in found]
+        variables = _variables(source)
+        matrices = {name: variables[names_in_file[name]] for name in NAMES if names_in_file[name] in variables}
+        missing = [names_in_file[name] for name in NAMES[:2] if name not in matrices]
         if missing:
-            there = ", ".join(sorted(every)) or "nothing"
-            raise ValueError(f"'{source}' has no matrix '{missing[0]}', but {there}: give names={{'M': ..., 'K': ...}}")
-    missing = [name for name in NAMES[:2] if name not in found]
+            available = ", ".join(sorted(variables)) or "nothing"
+            raise ValueError(
+                f"'{source}' has no matrix '{missing[0]}', but {available}: give names={{'M': ..., 'K': ...}}"
+            )
+    missing = [name for name in NAMES[:2] if name not in matrices]
     if missing:
         raise ValueError(f"from_matrices: {missing[0]} is missing; give M and K at least")
-    G = found.get("G")
+    G = matrices.get("G")
     if G is not None:
-        found["G"] = skew(G)
-    return Matrices(**found, dof_names=dof_names)
+        matrices["G"] = skew(G)
+    return Matrices(**matrices, dof_names=dof_names)
 
 
 def skew(G: Any) -> Any:
@@ -236,17 +240,17 @@ def skew(G: Any) -> Any:
     return 0.5 * (G - G.T)
 
 
-def _one(value: Any, name: str) -> Any:
+def _matrix(value: Any, name: str) -> Any:
     """Return a matrix, given directly or in its own file."""
     if not isinstance(value, str | os.PathLike):
         return value
     suffix = Path(value).suffix.lower()
     if suffix not in (".mtx", ".npy"):
-        every = _variables(value)
-        if name in every or len(every) == 1:
-            return every.get(name, next(iter(every.values())))
+        variables = _variables(value)
+        if name in variables or len(variables) == 1:
+            return variables.get(name, next(iter(variables.values())))
         raise ValueError(
-            f"'{value}' has no matrix '{name}', but {', '.join(sorted(every)) or 'nothing'}: give names=..."
+            f"'{value}' has no matrix '{name}', but {', '.join(sorted(variables)) or 'nothing'}: give names=..."
         )
     if suffix == ".npy":
         return _read(value, lambda: np.array(np.load(value, mmap_mode="r", allow_pickle=False)))  # size checked first
@@ -272,17 +276,17 @@ def _variables(path: str | os.PathLike[str]) -> dict[str, Any]:
     if suffix == ".mat":
         if Path(path).is_file() and is_hdf5(path):
             needed("h5py", "matlab", "a MATLAB file of version 7.3")
-        found = _read(path, lambda: read_hdf5(path) if is_hdf5(path) else read_matlab(path))
-        return {name: value for name, value in found.items() if not name.startswith("__")}
+        variables = _read(path, lambda: read_hdf5(path) if is_hdf5(path) else read_matlab(path))
+        return {name: value for name, value in variables.items() if not name.startswith("__")}
     raise ValueError(f"'{path}' must be a .mat or .npz file; matrices in separate files (.mtx, .npy) are given by "
                      "name, such as {'M': 'mass.mtx', 'K': 'stiffness.mtx'}")  # fmt: skip
 
 
-def _read(path: Any, read: Any) -> Any:
+def _read(path: Any, reader: Any) -> Any:
     if not Path(path).is_file():
         raise ValueError(f"there is no file '{path}'")
     try:
-        return read()
+        return reader()
     except OSError as error:
         raise ValueError(f"'{path}' cannot be read as matrices: {error.strerror or 'it is damaged'}") from None
     except (Damaged, DamagedFileError, TooMuch) as error:

@@ -91,13 +91,13 @@ def from_receptances(
             raise ValueError("from_receptances: tables have the names they are given with; leave names out")
         functions = {}
         for key, path in _pairs(source):
-            f, H, own = read_response(path, quantity)
-            functions[key] = _as_receptance(f, H, own, f"'{path}'")
+            f, H, measured = read_response(path, quantity)
+            functions[key] = _as_receptance(f, H, measured, f"'{path}'")
     else:
         functions = _universal(source, quantity)
         if names is not None:
             functions = _renamed(functions, names, source)
-    return _together(functions, static)
+    return _combined(functions, static)
 
 
 def _pairs(source: Mapping[Any, Any]) -> list[tuple[tuple[str, str], Any]]:
@@ -111,7 +111,7 @@ def _pairs(source: Mapping[Any, Any]) -> list[tuple[tuple[str, str], Any]]:
     return list(source.items())
 
 
-def _together(functions: Mapping[tuple[str, str], Function], static: Any) -> Receptances:
+def _combined(functions: Mapping[tuple[str, str], Function], static: Any) -> Receptances:
     """Combine the functions to one matrix for each line."""
     names = list(dict.fromkeys(name for pair in functions for name in pair))
     first, (f, _) = next(iter(functions.items()))
@@ -120,10 +120,10 @@ def _together(functions: Mapping[tuple[str, str], Function], static: Any) -> Rec
         for j, b in enumerate(names):
             pair = (a, b) if (a, b) in functions else (b, a)
             if pair not in functions:
-                there = ", ".join(f"{one} by {other}" for one, other in functions)
+                available = ", ".join(f"{response} by {force}" for response, force in functions)
                 raise ValueError(
                     f"from_receptances: there is no function of '{a}' by a force on '{b}', or of '{b}' by a force on "
-                    f"'{a}'; need one for each pair of {', '.join(names)}; there are {there}"
+                    f"'{a}'; need one for each pair of {', '.join(names)}; there are {available}"
                 )
             lines, values[:, i, j] = functions[pair][0], 0.0
             if len(lines) != len(f) or np.abs(lines - f).max() > LINE_TOLERANCE * f[-1]:
@@ -140,11 +140,11 @@ def _together(functions: Mapping[tuple[str, str], Function], static: Any) -> Rec
     return Receptances(2 * np.pi * f, values, names, static)
 
 
-def _as_receptance(f: Array, H: ComplexArray, quantity: str, where: str) -> Function:
+def _as_receptance(f: Array, H: ComplexArray, quantity: str, source: str) -> Function:
     """Divide by (i w)^0, 1 or 2; a line at 0 Hz, where velocities and accelerations are zero, is omitted."""
     power = _POWERS[quantity]
     if len(f) < 4 or np.any(np.diff(f) <= 0) or f[0] < 0 or not np.all(np.isfinite(f)):
-        raise ValueError(f"{where}: need four or more frequencies that ascend from 0 Hz or above")
+        raise ValueError(f"{source}: need four or more frequencies that ascend from 0 Hz or above")
     if power and f[0] == 0:
         f, H = f[1:], H[1:]
     return f, H / (2j * np.pi * f) ** power if power else H
@@ -160,29 +160,29 @@ def _universal(path: str | os.PathLike[str], quantity: str | None) -> dict[tuple
     except Exception as error:  # pyuff raises errors of many classes for damaged files
         message = " ".join(str(error).split()) or type(error).__name__
         raise ValueError(f"'{path}' cannot be read as a universal file: {message[:200]}") from None
-    found: dict[tuple[str, str], Function] = {}
-    for one in sets if isinstance(sets, list) else [sets]:
-        if one.get("type") != 58 or one.get("func_type") != _FRF:
+    functions: dict[tuple[str, str], Function] = {}
+    for data_set in sets if isinstance(sets, list) else [sets]:
+        if data_set.get("type") != 58 or data_set.get("func_type") != _FRF:
             continue
-        own = quantity or _ORDINATES.get(int(one.get("ordinate_spec_data_type", 0)))
-        pair, sign = _names_of(one)
-        if own is None:
+        measured = quantity or _ORDINATES.get(int(data_set.get("ordinate_spec_data_type", 0)))
+        pair, sign = _coordinate_names(data_set)
+        if measured is None:
             raise ValueError(
                 f"'{path}': {pair[0]} by {pair[1]} does not state displacement, velocity or acceleration: "
                 "give quantity='receptance', 'mobility' or 'accelerance'"
             )
-        f, H = np.asarray(one["x"], dtype=float), sign * np.asarray(one["data"], dtype=complex)
-        found[pair] = _as_receptance(f, H, own, f"'{path}': {pair[0]} by {pair[1]}")
-    if not found:
+        f, H = np.asarray(data_set["x"], dtype=float), sign * np.asarray(data_set["data"], dtype=complex)
+        functions[pair] = _as_receptance(f, H, measured, f"'{path}': {pair[0]} by {pair[1]}")
+    if not functions:
         raise ValueError(f"'{path}' has no frequency responses: functions of type 4 in data sets 58")
-    return found
+    return functions
 
 
-def _names_of(one: Mapping[str, Any]) -> tuple[tuple[str, str], int]:
+def _coordinate_names(data_set: Mapping[str, Any]) -> tuple[tuple[str, str], int]:
     """Return the names of response and force of a data set 58, and the product of the signs of their directions."""
     names, sign = [], 1
     for end in ("rsp", "ref"):
-        node, direction = int(one[f"{end}_node"]), int(one[f"{end}_dir"])
+        node, direction = int(data_set[f"{end}_node"]), int(data_set[f"{end}_dir"])
         names.append(f"{node}{_AXES.get(abs(direction), '')}")
         sign *= -1 if direction < 0 else 1
     return (names[0], names[1]), sign
@@ -191,10 +191,10 @@ def _names_of(one: Mapping[str, Any]) -> tuple[tuple[str, str], int]:
 def _renamed(
     functions: Mapping[tuple[str, str], Function], names: Mapping[str, str], path: Any
 ) -> dict[tuple[str, str], Function]:
-    there = {name for pair in functions for name in pair}
+    coordinates = {name for pair in functions for name in pair}
     for name in names:
-        if name not in there:
-            raise ValueError(f"'{path}' has no coordinate '{name}'{did_you_mean(name, sorted(there))}")
+        if name not in coordinates:
+            raise ValueError(f"'{path}' has no coordinate '{name}'{did_you_mean(name, sorted(coordinates))}")
     return {
         (names[pair[0]], names[pair[1]]): function
         for pair, function in functions.items()

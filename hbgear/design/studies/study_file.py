@@ -25,7 +25,7 @@ from hbgear.design.studies.case_work import check_work
 from hbgear.design.studies.samples import METHODS, Grid, Sample, distribution, grid
 from hbgear.harmonic.models.frequency_units import Omega_of
 from hbgear.harmonic.models.model_registry import model_class
-from hbgear.io.machines.toml_file import Place, TomlFileError, exactly, located, location_and_text, parsed
+from hbgear.io.machines.toml_file import KeyPath, TomlFileError, exactly, located, location_and_text, parsed
 from hbgear.mechanics.fields import defaults_of, entries_among, made, plain_kinds_of, required_of
 from hbgear.mechanics.models import Model
 
@@ -77,7 +77,7 @@ def read_study(path: str | os.PathLike[str], allow_code: bool = False) -> Study:
         try:
             return _study(checked, subject)
         except _InconsistentTable as wrong:
-            problems = [(wrong.place, str(wrong))]
+            problems = [(wrong.key_path, str(wrong))]
     raise StudyFileError(located(path, text, problems))
 
 
@@ -86,7 +86,7 @@ class _InconsistentTable(Exception):
 
     def __init__(self, table: str, reason: Exception) -> None:
         super().__init__(reason.args[0])
-        self.place: Place = (table,)
+        self.key_path: KeyPath = (table,)
 
 
 @contextmanager
@@ -138,13 +138,13 @@ def _quantity(name: str, model: Model, value: Any) -> Any:
 
 def _checked(
     data: dict[str, Any], folder: Path, allow_code: bool
-) -> tuple[list[tuple[Place, str]], Any, _Subject | None]:
+) -> tuple[list[tuple[KeyPath, str]], Any, _Subject | None]:
     """Return errors with their locations, the checked data and the model."""
     with defer_signals():
         import pydantic
 
     name = data.get("model")
-    problems: list[tuple[Place, str]] = []
+    problems: list[tuple[KeyPath, str]] = []
     subject = None
     if isinstance(name, str) and ":" in name and not allow_code:
         text = (f"model = {quoted(name)} would run that code, which is not allowed by default: read it, "

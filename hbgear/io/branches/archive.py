@@ -86,7 +86,7 @@ class Archive:
             if info.compress_type not in _COMPRESSIONS:
                 raise Damaged(f"array '{name}' has a compression that NumPy does not write")
             with self._zip.open(info) as member:
-                return _array_of(name, member.read(info.file_size))  # at most the declared size
+                return _decoded_array(name, member.read(info.file_size))  # at most the declared size
 
     def header(self) -> dict[str, Any]:
         """Return the JSON object that is stored as the array ``header``."""
@@ -95,16 +95,16 @@ class Archive:
             if text.dtype.kind != "U" or text.shape:
                 raise Damaged("its header is not text")
             try:
-                found = json.loads(str(text))
+                content = json.loads(str(text))
             except ValueError:
                 raise Damaged("its header is not JSON") from None
             except RecursionError:
                 raise Damaged("its header is nested too deeply") from None
-            if not isinstance(found, dict):
-                raise Damaged(f"its header is {_JSON[type(found)]}, not an object")
-            if too_deep(found):
+            if not isinstance(content, dict):
+                raise Damaged(f"its header is {_JSON[type(content)]}, not an object")
+            if too_deep(content):
                 raise Damaged("its header is nested too deeply")
-            return found
+            return content
 
 
 def too_deep(tree: Any, max_depth: int = 100) -> bool:
@@ -113,9 +113,9 @@ def too_deep(tree: Any, max_depth: int = 100) -> bool:
     for _ in range(max_depth):
         level = [
             inner
-            for each in level
-            if isinstance(each, list | dict)
-            for inner in (each.values() if isinstance(each, dict) else each)
+            for node in level
+            if isinstance(node, list | dict)
+            for inner in (node.values() if isinstance(node, dict) else node)
         ]
     return bool(level)
 
@@ -143,7 +143,7 @@ def archive_of(
         yield Archive(handle, spare, times)
 
 
-def _array_of(name: str, data: bytes) -> Array:
+def _decoded_array(name: str, data: bytes) -> Array:
     """Return the array in the bytes of an .npy file."""
     stream = io.BytesIO(data)
     version = np.lib.format.read_magic(stream)

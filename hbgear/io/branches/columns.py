@@ -56,9 +56,9 @@ def columns_of(branch: Branch) -> dict[str, Column]:
     columns |= speeds_of(branch)
     columns |= _special(branch)
     if branch.multipliers is not None:
-        known = [{"stable": 1, "unstable": 0}.get(state, "") for state in branch.stability]
+        stable_codes = [{"stable": 1, "unstable": 0}.get(state, "") for state in branch.stability]
         largest = np.abs(branch.multipliers).max(axis=-1, initial=0.0)
-        columns["stable"] = Column(known, "1 stable, 0 unstable, empty where undecided or unknown")
+        columns["stable"] = Column(stable_codes, "1 stable, 0 unstable, empty where undecided or unknown")
         columns["multiplier_max"] = Column(largest, "largest modulus of the Floquet multipliers", "1")
     unit = _amplitude(layout)[1]
     columns["residual"] = Column(branch.residual, "residual relative to the forces", "1")
@@ -75,7 +75,7 @@ def about(branch: Branch) -> dict[str, str]:
     """Return a description of a curve by name: model, settings, fixed parameters with units, status and message."""
     balance = branch.meta.get("balance")
     settings = balance if isinstance(balance, dict) else {}
-    out = {
+    texts = {
         "hbgear": str(branch.meta.get("hbgear", "unknown")),
         "model": describe_changes(branch),
         "settings": ", ".join(f"{name} = {value}" for name, value in settings.items() if value is not None),
@@ -83,9 +83,9 @@ def about(branch: Branch) -> dict[str, str]:
     for name, value in branch.fixed.items():
         label = label_of(branch, name)
         meaning = without_unit(label)
-        out[name] = f"{value!r}{bracketed(unit_of(label))}{f' ({meaning})' if meaning != name else ''}"
-    out["status"] = f"{branch.status}: {branch.message}"
-    return {name: " ".join(text.split()) for name, text in out.items() if text}
+        texts[name] = f"{value!r}{bracketed(unit_of(label))}{f' ({meaning})' if meaning != name else ''}"
+    texts["status"] = f"{branch.status}: {branch.message}"
+    return {name: " ".join(text.split()) for name, text in texts.items() if text}
 
 
 def bracketed(unit: str) -> str:
@@ -161,9 +161,9 @@ def _element(branch: Branch, layout: Layout, j: int) -> Iterator[Column]:
         [name_of_regime(codes[j : j + 1], layout) for codes in branch.regime], "impact regime", "", name, "regime"
     )
     for measure, entry in default_measures().items():
-        own = entry.unit_for(unit)
+        measure_unit = entry.unit_for(unit)
         values = branch.amplitude(measure, j)
-        yield Column(values, f"{entry.text} of {symbol}", "1" if own == "-" else own, name, measure)
+        yield Column(values, f"{entry.text} of {symbol}", "1" if measure_unit == "-" else measure_unit, name, measure)
     for term, x in zip(terms_of(layout), layout.rows(branch.X, j).T, strict=True):
         yield Column(x, f"Fourier coefficient {term} of {symbol}", unit, name, term)
 

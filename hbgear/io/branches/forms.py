@@ -26,7 +26,7 @@ from hbgear.harmonic.equations.layout import Layout, layout_of
 from hbgear.io.branches.archive import Archive
 
 Form = Callable[[Archive, Any, str], Any]
-"""Reader of a value of the tree: ``form(archive, value, place)``; raises ValueError with the place if it is invalid."""
+"""Reader of a value of the tree: ``form(archive, value, path)``; raises ValueError with the path if it is invalid."""
 
 
 def read(archive: Archive, tree: Any) -> Branch:
@@ -78,43 +78,43 @@ def read_motions(archive: Archive, value: Any, branch: Branch) -> FullMotion | N
 # ---- single values
 
 
-def _wrong(place: str, value: Any, need: str) -> ValueError:
+def _wrong(path: str, value: Any, need: str) -> ValueError:
     text = repr(value)
-    return ValueError(f"{place} is {text if len(text) <= 40 else f'{text[:36]} ...'}; need {need}")
+    return ValueError(f"{path} is {text if len(text) <= 40 else f'{text[:36]} ...'}; need {need}")
 
 
-def _text(archive: Archive, value: Any, place: str) -> str:
+def _text(archive: Archive, value: Any, path: str) -> str:
     if not isinstance(value, str):
-        raise _wrong(place, value, "a text")
+        raise _wrong(path, value, "a text")
     value.encode()  # raises for lone surrogates, which cannot be printed
     return value
 
 
-def _marker(archive: Archive, value: Any, place: str) -> str:
-    if (text := _text(archive, value, place)) and not is_marker(text):
-        raise _wrong(place, value, f"one of {' '.join(MARKERS)}")
+def _marker(archive: Archive, value: Any, path: str) -> str:
+    if (text := _text(archive, value, path)) and not is_marker(text):
+        raise _wrong(path, value, f"one of {' '.join(MARKERS)}")
     return text
 
 
-def _one_of(words: Sequence[str]) -> Form:
-    def form(archive: Archive, value: Any, place: str) -> Any:
+def _word_of(words: Sequence[str]) -> Form:
+    def form(archive: Archive, value: Any, path: str) -> Any:
         if value not in words:
-            raise _wrong(place, value, f"one of {', '.join(words)}")
+            raise _wrong(path, value, f"one of {', '.join(words)}")
         return value
 
     return form
 
 
-def _flag(archive: Archive, value: Any, place: str) -> bool:
+def _flag(archive: Archive, value: Any, path: str) -> bool:
     if not isinstance(value, bool):
-        raise _wrong(place, value, "true or false")
+        raise _wrong(path, value, "true or false")
     return value
 
 
-def _number(archive: Archive, value: Any, place: str) -> float:
+def _number(archive: Archive, value: Any, path: str) -> float:
     too_large = isinstance(value, int) and not isinstance(value, bool) and abs(value) > MAX_INTEGER
     if isinstance(value, bool) or not isinstance(value, int | float) or too_large:
-        raise _wrong(place, value, "a number")
+        raise _wrong(path, value, "a number")
     number: float = value
     return number
 
@@ -123,17 +123,17 @@ MAX_INTEGER = 2**63
 """Largest whole number that is accepted: no computation stores larger ones."""
 
 
-def _finite(archive: Archive, value: Any, place: str) -> float:
-    number = _number(archive, value, place)
+def _finite(archive: Archive, value: Any, path: str) -> float:
+    number = _number(archive, value, path)
     if not math.isfinite(number):
-        raise _wrong(place, value, "a finite number")
+        raise _wrong(path, value, "a finite number")
     return number
 
 
-def _whole(low: int, high: int = MAX_INTEGER) -> Form:
-    def form(archive: Archive, value: Any, place: str) -> int:
+def _int(low: int, high: int = MAX_INTEGER) -> Form:
+    def form(archive: Archive, value: Any, path: str) -> int:
         if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
-            raise _wrong(place, value, f"a whole number from {low} to {high}")
+            raise _wrong(path, value, f"a whole number from {low} to {high}")
         return value
 
     return form
@@ -142,15 +142,15 @@ def _whole(low: int, high: int = MAX_INTEGER) -> Form:
 def _array(kinds: str, dimensions: int, finite: bool = False) -> Form:
     """Return a reader of arrays of NumPy's kinds "f", "c", "iu", ..."""
 
-    def form(archive: Archive, value: Any, place: str) -> Array:
+    def form(archive: Archive, value: Any, path: str) -> Array:
         if not isinstance(value, dict) or list(value) != ["__array__"] or not isinstance(value["__array__"], str):
-            raise _wrong(place, value, "an array")
+            raise _wrong(path, value, "an array")
         array = archive.array(value["__array__"])
         if array.dtype.kind not in kinds or array.ndim != dimensions:
             need = f"{dimensions} dimension{'s' if dimensions > 1 else ''} of {_NAMES[kinds]}"
-            raise ValueError(f"{place} is an array {array.shape} of {array.dtype}; need {need}")
+            raise ValueError(f"{path} is an array {array.shape} of {array.dtype}; need {need}")
         if finite and not np.isfinite(array).all():
-            raise ValueError(f"{place} has entries that are not finite")
+            raise ValueError(f"{path} has entries that are not finite")
         return array
 
     return form
@@ -163,24 +163,24 @@ _NAMES = {"f": "real numbers", "c": "complex numbers", "iu": "whole numbers"}
 
 
 def _optional(form: Form) -> Form:
-    return lambda archive, value, place: None if value is None else form(archive, value, place)
+    return lambda archive, value, path: None if value is None else form(archive, value, path)
 
 
 def _tuple(form: Form, count: int | None = None) -> Form:
-    def several(archive: Archive, value: Any, place: str) -> tuple[Any, ...]:
+    def several(archive: Archive, value: Any, path: str) -> tuple[Any, ...]:
         items = value.get("__tuple__") if isinstance(value, dict) and len(value) == 1 else None
         if not isinstance(items, list) or count not in (None, len(items)):
-            raise _wrong(place, value, f"a tuple{'' if count is None else f' of {count}'}")
-        return tuple(form(archive, x, f"{place}.{i}") for i, x in enumerate(items))
+            raise _wrong(path, value, f"a tuple{'' if count is None else f' of {count}'}")
+        return tuple(form(archive, x, f"{path}.{i}") for i, x in enumerate(items))
 
     return several
 
 
 def _table(form: Form) -> Form:
-    def table(archive: Archive, value: Any, place: str) -> dict[str, Any]:
+    def table(archive: Archive, value: Any, path: str) -> dict[str, Any]:
         if not isinstance(value, dict):
-            raise _wrong(place, value, "values by name")
-        return {_text(archive, name, place): form(archive, x, f"{place}.{name}") for name, x in value.items()}
+            raise _wrong(path, value, "values by name")
+        return {_text(archive, name, path): form(archive, x, f"{path}.{name}") for name, x in value.items()}
 
     return table
 
@@ -188,73 +188,73 @@ def _table(form: Form) -> Form:
 def _object(*classes: type) -> Form:
     """Return a reader of objects of one of these classes; every field is read by its form in `_FORMS`."""
 
-    def form(archive: Archive, value: Any, place: str) -> Any:
+    def form(archive: Archive, value: Any, path: str) -> Any:
         names = {cls.__name__: cls for cls in classes}
         kind = value.get("__class__") if isinstance(value, dict) else None
         if not isinstance(kind, str) or kind not in names:
-            raise _wrong(place, value, f"a {' or '.join(names)}")
-        given, forms = {name: x for name, x in value.items() if name != "__class__"}, _FORMS[names[kind]]
+            raise _wrong(path, value, f"a {' or '.join(names)}")
+        fields, forms = {name: x for name, x in value.items() if name != "__class__"}, _FORMS[names[kind]]
         for field in dataclasses.fields(names[kind]):
             optional = field.default is not dataclasses.MISSING or field.default_factory is not dataclasses.MISSING
-            if field.name not in given and not optional:
-                raise ValueError(f"{place} has no {field.name}")
-        for name in given:
+            if field.name not in fields and not optional:
+                raise ValueError(f"{path} has no {field.name}")
+        for name in fields:
             if name not in forms:
-                raise ValueError(f"{place} has a field '{name}' that a {kind} does not have")
-        made = names[kind](**{name: forms[name](archive, x, f"{place}.{name}") for name, x in given.items()})
-        if isinstance(made, SpecialPoint) and "truncation" not in given:  # files before schema 4 have no location error
-            made = dataclasses.replace(made, error=math.nan, truncation=made.error)
-        return named(made) if isinstance(made, SpecialPoint) and "meaning" not in given else made
+                raise ValueError(f"{path} has a field '{name}' that a {kind} does not have")
+        obj = names[kind](**{name: forms[name](archive, x, f"{path}.{name}") for name, x in fields.items()})
+        if isinstance(obj, SpecialPoint) and "truncation" not in fields:  # files before schema 4 have no location error
+            obj = dataclasses.replace(obj, error=math.nan, truncation=obj.error)
+        return named(obj) if isinstance(obj, SpecialPoint) and "meaning" not in fields else obj
 
     return form
 
 
-def _plain(archive: Archive, value: Any, place: str) -> Any:
+def _plain(archive: Archive, value: Any, path: str) -> Any:
     """Return any value that `Branch.meta` may hold."""
     if isinstance(value, list):
-        return [_plain(archive, x, f"{place}.{i}") for i, x in enumerate(value)]
+        return [_plain(archive, x, f"{path}.{i}") for i, x in enumerate(value)]
     if not isinstance(value, dict):
-        return _text(archive, value, place) if isinstance(value, str) else value
+        return _text(archive, value, path) if isinstance(value, str) else value
     if "__array__" in value:
         if not isinstance(value["__array__"], str):
-            raise _wrong(place, value, "an array")
+            raise _wrong(path, value, "an array")
         return archive.array(value["__array__"])
     if "__tuple__" in value:
-        return _tuple(_plain)(archive, value, place)
-    return _object(*_FORMS)(archive, value, place) if "__class__" in value else _table(_plain)(archive, value, place)
+        return _tuple(_plain)(archive, value, path)
+    return _object(*_FORMS)(archive, value, path) if "__class__" in value else _table(_plain)(archive, value, path)
 
 
-def _certificate(archive: Archive, value: Any, place: str) -> dict[str, Any]:
+def _certificate(archive: Archive, value: Any, path: str) -> dict[str, Any]:
     """Return the certificate of a special point; its proof is not repeated."""
     try:
-        return Certificate.from_dict(_table(_plain)(archive, value, place)).to_dict()
+        return Certificate.from_dict(_table(_plain)(archive, value, path)).to_dict()
     except ValueError as error:
-        raise ValueError(f"{place}: {error}") from None
+        raise ValueError(f"{path}: {error}") from None
 
 
 _FLOATS = _tuple(_finite)
 
 
 _POINT: dict[str, Form] = {
-    "X": _array("f", 1, finite=True), "parameters": _table(_finite), "residual": _number, "iterations": _whole(0),
+    "X": _array("f", 1, finite=True), "parameters": _table(_finite), "residual": _number, "iterations": _int(0),
     "multipliers": _optional(_array("c", 1)), "regime": _array("iu", 1), "error": _number,
     "layout": _optional(lambda *given: _object(Layout, TorusLayout)(*given)), "label": _text, "modulus_error": _number,
 }  # fmt: skip
 
 
 _FORMS: dict[type, dict[str, Form]] = {
-    Layout: {"harmonics": _whole(0), "nu": _whole(1, 10_000), "elements": _tuple(_text), "breakpoints": _tuple(_FLOATS),
-             "labels": _table(_text), "orders": _optional(_tuple(_whole(1)))},
-    TorusLayout: {"harmonics": _tuple(_whole(1, 200), 2), "elements": _tuple(_text), "nu": _whole(1, 10_000),
-                  "labels": _table(_text), "odd": _flag, "dense": _whole(1, 100),
-                  "band": _optional(_finite), "ratio": _finite, "half": _optional(_tuple(_whole(0, 1), 2))},
+    Layout: {"harmonics": _int(0), "nu": _int(1, 10_000), "elements": _tuple(_text), "breakpoints": _tuple(_FLOATS),
+             "labels": _table(_text), "orders": _optional(_tuple(_int(1)))},
+    TorusLayout: {"harmonics": _tuple(_int(1, 200), 2), "elements": _tuple(_text), "nu": _int(1, 10_000),
+                  "labels": _table(_text), "odd": _flag, "dense": _int(1, 100),
+                  "band": _optional(_finite), "ratio": _finite, "half": _optional(_tuple(_int(0, 1), 2))},
     Point: _POINT,
-    SpecialPoint: {**_POINT, "kind": _text, "index": _whole(-1), "located": _flag, "interval": _tuple(_number, 2),
+    SpecialPoint: {**_POINT, "kind": _text, "index": _int(-1), "located": _flag, "interval": _tuple(_number, 2),
                    "note": _text, "meaning": _text, "marker": _marker, "truncation": _number,
                    "certificate": _optional(_certificate)},
-    Jump: {"label": _text, "parameter": _text, "value": _finite, "direction": _whole(-1, 1),
+    Jump: {"label": _text, "parameter": _text, "value": _finite, "direction": _int(-1, 1),
            "before": _object(Point, SpecialPoint), "after": _optional(_object(Point, SpecialPoint)),
-           "landing": _one_of((*LANDINGS, BIFURCATING)), "note": _text,
+           "landing": _word_of((*LANDINGS, BIFURCATING)), "note": _text,
            "candidates": _tuple(_object(Point, SpecialPoint))},
     Branch: {"parameter": _text, "values": _array("f", 1, finite=True), "X": _array("f", 2, finite=True),
              "fixed": _table(_finite), "tracked": _table(_array("f", 1, finite=True)),
@@ -282,15 +282,15 @@ def _check(branch: Branch) -> None:
     _check_balance(branch)
     _check_asymptotes(branch)
     for point in branch.special:
-        place = f"special point '{point.label}'"
+        location = f"special point '{point.label}'"
         if not 0 <= point.index < len(branch):
-            raise ValueError(f"{place} is at point {point.index} of {len(branch)}")
+            raise ValueError(f"{location} is at point {point.index} of {len(branch)}")
         for name in (branch.parameter, *branch.tracked):
             if name not in point.parameters:
-                raise ValueError(f"{place} has no {name}")
+                raise ValueError(f"{location} has no {name}")
         if point.layout and branch.layout and point.layout.elements != branch.layout.elements:
-            raise ValueError(f"{place} has other elements than the branch")
-        _check_motion(layout_of(point), point.X, point.regime, place)
+            raise ValueError(f"{location} has other elements than the branch")
+        _check_motion(layout_of(point), point.X, point.regime, location)
     for jump in branch.jump_records:
         if not jump.direction:
             raise ValueError(f"the jump at {jump.label} has no direction")
@@ -311,10 +311,10 @@ def _check_torus(branch: Branch) -> None:
 
 def _check_trace(branch: Branch) -> None:
     """Check the settings of the trace: a table with its span, two numbers, and its accuracy; each is optional."""
-    known = branch.meta.get("trace", {})
-    if not isinstance(known, dict):
-        raise _wrong("trace of its header", known, "a table")
-    span, accuracy = known.get("span"), known.get("accuracy")
+    settings = branch.meta.get("trace", {})
+    if not isinstance(settings, dict):
+        raise _wrong("trace of its header", settings, "a table")
+    span, accuracy = settings.get("span"), settings.get("accuracy")
     if span is not None and not (isinstance(span, list | tuple) and len(span) == 2 and all(map(_is_finite, span))):
         raise _wrong("trace.span of its header", span, "two finite numbers")
     if accuracy is not None and not _is_finite(accuracy):
@@ -337,26 +337,28 @@ def _check_balance(branch: Branch) -> None:
 
 def _check_asymptotes(branch: Branch) -> None:
     """Check the asymptotes: values of the parameter at the first and the last point."""
-    known = branch.meta.get("asymptotes", {})
-    if not isinstance(known, dict) or not set(known) <= {"first", "last"}:
+    asymptotes = branch.meta.get("asymptotes", {})
+    if not isinstance(asymptotes, dict) or not set(asymptotes) <= {"first", "last"}:
         raise ValueError("its header has asymptotes other than those of the first and the last point")
-    if not all(type(value) in (int, float) and math.isfinite(value) for value in known.values()):
+    if not all(type(value) in (int, float) and math.isfinite(value) for value in asymptotes.values()):
         raise ValueError("its header has asymptotes that are not finite numbers")
 
 
-def _check_motion(layout: Layout | None, X: Array, regime: Array, place: str) -> None:
+def _check_motion(layout: Layout | None, X: Array, regime: Array, location: str) -> None:
     """Check that unknowns (..., m (2H + 1)) and regimes (..., m), or none, match a layout."""
     largest = float(np.abs(X.astype(float)).max(initial=0.0))
     if largest > 1e100:
-        raise ValueError(f"{place} has unknowns of {largest:.0e}")
+        raise ValueError(f"{location} has unknowns of {largest:.0e}")
     if layout is None:
         return
     m = len(layout.elements)
     if not m or len(layout.breakpoints) != m:
-        raise ValueError(f"{place} has {m} elements and the breakpoints of {len(layout.breakpoints)}")
+        raise ValueError(f"{location} has {m} elements and the breakpoints of {len(layout.breakpoints)}")
     orders = layout.orders
     if orders is not None and (list(orders) != sorted(set(orders)) or max(orders, default=1) > layout.harmonics):
-        raise ValueError(f"{place} has orders {str(orders)[:40]}; they ascend from 1 to at most H = {layout.harmonics}")
+        raise ValueError(
+            f"{location} has orders {str(orders)[:40]}; they ascend from 1 to at most H = {layout.harmonics}"
+        )
     if X.shape[-1] != layout.width or regime.shape[-1] not in (0, m):
-        found = f"{X.shape[-1]} unknowns and {regime.shape[-1]} regimes"
-        raise ValueError(f"{place} has {found}, which do not fit H = {layout.harmonics} and {m} elements")
+        sizes = f"{X.shape[-1]} unknowns and {regime.shape[-1]} regimes"
+        raise ValueError(f"{location} has {sizes}, which do not fit H = {layout.harmonics} and {m} elements")

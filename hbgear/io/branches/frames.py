@@ -46,20 +46,20 @@ def to_dataframe(branch: Branch) -> pandas.DataFrame:
     for number, curve in enumerate(curves, 1):
         columns = columns_of(curve)
         all_columns |= columns
-        frame = pd.DataFrame({name: _whole(column.values) for name, column in columns.items()})
+        frame = pd.DataFrame({name: _with_nan(column.values) for name, column in columns.items()})
         if len(curves) > 1:
             frame.insert(0, "curve", number)
         frames.append(frame)
-    out: pandas.DataFrame = pd.concat(frames, ignore_index=True) if len(frames) > 1 else frames[0]
-    out.attrs = {
+    result: pandas.DataFrame = pd.concat(frames, ignore_index=True) if len(frames) > 1 else frames[0]
+    result.attrs = {
         **about(branch),
         "units": {name: column.unit for name, column in all_columns.items()},
         "long_names": {name: column.meaning for name, column in all_columns.items()},
     }
-    return out
+    return result
 
 
-def _whole(values: Any) -> Any:
+def _with_nan(values: Any) -> Any:
     """Return numbers with nan for empty entries."""
     listed = list(values)
     numbers = any(isinstance(value, int | float) for value in listed)
@@ -113,13 +113,17 @@ def to_xarray(branch: Branch) -> xarray.Dataset:
     else:
         measures = default_measures(same_unit=True)
         coords |= {"element": list(layout.elements), "term": terms_of(layout), "measure": list(measures)}
-        each = range(len(layout.elements))
-        amplitude = np.array([[branch.amplitude(name, j) for j in each] for name in measures])
+        elements = range(len(layout.elements))
+        amplitude = np.array([[branch.amplitude(name, j) for j in elements] for name in measures])
         meanings = "; ".join(f"{name}: {entry.text}" for name, entry in measures.items())
         for name in default_measures().keys() - measures.keys():  # an array has one unit
-            parts = [columns[f"{name}_{element}"] for element in layout.elements]
-            values = np.stack([part.values for part in parts], axis=-1)
-            data[name] = (("point", "element"), values, _attributes(parts[0].meaning, parts[0].unit))
+            element_columns = [columns[f"{name}_{element}"] for element in layout.elements]
+            values = np.stack([part.values for part in element_columns], axis=-1)
+            data[name] = (
+                ("point", "element"),
+                values,
+                _attributes(element_columns[0].meaning, element_columns[0].unit),
+            )
         data["amplitude"] = (
             ("point", "element", "measure"), amplitude.transpose(2, 1, 0),
             {"long_name": "amplitude of the motion", "measures": meanings, **size},
@@ -134,8 +138,8 @@ def to_xarray(branch: Branch) -> xarray.Dataset:
         )  # fmt: skip
     for name, value in branch.fixed.items():
         data[name] = ((), value, _attributes(*_words(label_of(branch, name))))
-    found: xarray.Dataset = xr.Dataset(data, coords, about(branch))
-    return found
+    dataset: xarray.Dataset = xr.Dataset(data, coords, about(branch))
+    return dataset
 
 
 def _words(label: str) -> tuple[str, str]:

@@ -72,7 +72,7 @@ def save(branch: Branch, path: str | os.PathLike[str]) -> None:
     True
     """
     checked_suffix(path, (".npz",), "use export for .csv and .mat")
-    arrays = _arrays_of(branch)
+    arrays = _encoded_arrays(branch)
     with atomic_write(path) as handle:
         np.savez(handle, **arrays)
 
@@ -80,11 +80,11 @@ def save(branch: Branch, path: str | os.PathLike[str]) -> None:
 def packed(branch: Branch) -> bytes:
     """Return the bytes that `save` writes."""
     handle = io.BytesIO()
-    np.savez(handle, **_arrays_of(branch))
+    np.savez(handle, **_encoded_arrays(branch))
     return handle.getvalue()
 
 
-def _arrays_of(branch: Branch) -> dict[str, Any]:
+def _encoded_arrays(branch: Branch) -> dict[str, Any]:
     if branch.layout is not None and not isinstance(branch.layout, Layout | TorusLayout):
         raise ValueError(
             f"a branch with unknowns of the kind {type(branch.layout).__name__} cannot be saved: only curves of "
@@ -94,7 +94,7 @@ def _arrays_of(branch: Branch) -> dict[str, Any]:
     header: dict[str, Any] = {"format": _FORMAT, "schema": SCHEMA, "branch": encode(branch, "", arrays)}
     motions = [_recorded(curve) for curve in branch.curves]
     if any(motions):
-        header["motions"] = [_entry(known, f"motions.{i}", arrays) for i, known in enumerate(motions)]
+        header["motions"] = [_entry(motion, f"motions.{i}", arrays) for i, motion in enumerate(motions)]
     return {"header": np.array(json.dumps(header)), **arrays}
 
 
@@ -124,11 +124,11 @@ def _rebuilt(branch: Branch) -> bool:
     return True
 
 
-def _entry(known: FullMotion | None, key: str, arrays: dict[str, Any]) -> dict[str, Any] | None:
-    if known is None:
+def _entry(motion: FullMotion | None, key: str, arrays: dict[str, Any]) -> dict[str, Any] | None:
+    if motion is None:
         return None
-    arrays[key] = known.rows
-    return {"names": list(known.names), "rows": {"__array__": key}}
+    arrays[key] = motion.rows
+    return {"names": list(motion.names), "rows": {"__array__": key}}
 
 
 @checked_arguments()
@@ -173,7 +173,7 @@ def load(path: str | os.PathLike[str], problem: Any = None) -> Branch:
         return _with_problem(branch, lambda _: problem)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of the model, which were shown when the curve was traced
-        return _with_problem(branch, lambda one: None if "curve" in one.meta else one.rebuilt_problem())
+        return _with_problem(branch, lambda curve: None if "curve" in curve.meta else curve.rebuilt_problem())
 
 
 def read(path: str | os.PathLike[str]) -> Branch:
@@ -243,8 +243,8 @@ def _branch_in(archive: Archive) -> Branch:
     if motions is None:
         return branch
     curves = [
-        dataclasses.replace(curve, full_motion=forms.read_motions(archive, known, curve))
-        for curve, known in zip(branch.curves, forms.listed(motions, 1 + len(branch.others)), strict=True)
+        dataclasses.replace(curve, full_motion=forms.read_motions(archive, entry, curve))
+        for curve, entry in zip(branch.curves, forms.listed(motions, 1 + len(branch.others)), strict=True)
     ]
     return dataclasses.replace(curves[0], others=tuple(curves[1:]))
 

@@ -52,8 +52,8 @@ def export(branch: Branch, path: str | os.PathLike[str]) -> None:
     ['curve.csv']
     """
     if checked_suffix(path, (".csv", ".mat"), "use save for .npz") == ".csv":
-        tables = [columns_of(one) for one in branch.curves]
-        table, head = _whole_table(tables), "".join(f"{line}\n" for line in _head(branch, tables[0]))
+        tables = [columns_of(curve) for curve in branch.curves]
+        table, head = _joined_table(tables), "".join(f"{line}\n" for line in _head(branch, tables[0]))
         with atomic_write(path, "x", encoding="utf-8", newline="") as handle:
             handle.write(head)
             writer = csv.writer(handle)
@@ -66,16 +66,16 @@ def export(branch: Branch, path: str | os.PathLike[str]) -> None:
             savemat(handle, _matlab(branch), long_field_names=True, do_compression=True, oned_as="column")
 
 
-def _whole_table(tables: Sequence[Mapping[str, Column]]) -> dict[str, Any]:
+def _joined_table(tables: Sequence[Mapping[str, Column]]) -> dict[str, Any]:
     """Return the columns of the .csv; of several curves, with the number of the curve first and empty missing cells."""
-    each = [{name: column.values for name, column in table.items()} for table in tables]
-    if len(each) == 1:
-        return each[0]
-    counts = [len(table["residual"]) for table in each]
-    names = dict.fromkeys(name for table in each for name in table)
+    contents = [{name: column.values for name, column in table.items()} for table in tables]
+    if len(contents) == 1:
+        return contents[0]
+    counts = [len(table["residual"]) for table in contents]
+    names = dict.fromkeys(name for table in contents for name in table)
     numbers = {"curve": [i + 1 for i, count in enumerate(counts) for _ in range(count)]}
     return numbers | {
-        name: [x for table, count in zip(each, counts, strict=True) for x in table.get(name, [""] * count)]
+        name: [x for table, count in zip(contents, counts, strict=True) for x in table.get(name, [""] * count)]
         for name in names
     }
 
@@ -111,17 +111,17 @@ def _matlab(branch: Branch) -> dict[str, Any]:
             return cells
         return str(value) if isinstance(value, Status) else value
 
-    out: dict[str, Any] = convert(branch) | {"meta": json.dumps(encode(branch.meta, "meta", {}))}
-    out["jumps"] = out.pop("jump_records")
-    out["about"] = about(branch)
+    variables: dict[str, Any] = convert(branch) | {"meta": json.dumps(encode(branch.meta, "meta", {}))}
+    variables["jumps"] = variables.pop("jump_records")
+    variables["about"] = about(branch)
     if branch.layout:
-        each = range(len(branch.layout.elements))
-        rows = {name: [branch.amplitude(name, j) for j in each] for name in default_measures()}
-        out["amplitude"] = {name: np.stack(columns, axis=-1) for name, columns in rows.items()}
+        elements = range(len(branch.layout.elements))
+        rows = {name: [branch.amplitude(name, j) for j in elements] for name in default_measures()}
+        variables["amplitude"] = {name: np.stack(columns, axis=-1) for name, columns in rows.items()}
     if branch.stable is not None:
-        out |= {"stable": branch.stable, "undecided": branch.undecided}
-    out |= {name: column.values for name, column in speeds_of(branch).items()}
-    return out | {"explained": {name: text for name, text in EXPLAINED.items() if name in out}}
+        variables |= {"stable": branch.stable, "undecided": branch.undecided}
+    variables |= {name: column.values for name, column in speeds_of(branch).items()}
+    return variables | {"explained": {name: text for name, text in EXPLAINED.items() if name in variables}}
 
 
 EXPLAINED = {

@@ -39,7 +39,7 @@ from hbgear.gears.pairs.drawn_pair import DrawnPair
 from hbgear.gears.pairs.pair_models import DAMPING
 from hbgear.gears.pairs.support import Support
 from hbgear.gears.torque_orders import TorqueOrders, effective_torque, torque_orders
-from hbgear.io.machines.toml_file import Place, TomlFileError, bare, checked, exactly, form, located, made
+from hbgear.io.machines.toml_file import KeyPath, TomlFileError, bare, checked, constructed, exactly, form, located
 from hbgear.io.tables.mesh_table import read_mesh_table
 
 _SHARED = ("module", "face_width", "pressure_angle", "addendum", "dedendum", "fillet_radius", "E", "poisson", "density")
@@ -144,7 +144,7 @@ def read_machine(path: str | os.PathLike[str]) -> Machine:
     (200.0, 40)
     """
     text, data = checked(path, "a machine", MachineFileError, _schema())
-    problems: list[tuple[Place, str]] = []
+    problems: list[tuple[KeyPath, str]] = []
     machine = _Reader(problems, Path(path).parent).machine(data)
     if machine is None:
         raise MachineFileError(located(path, text, problems))
@@ -158,13 +158,13 @@ def _schema() -> Any:
 
     strict = exactly()
 
-    def table(title: str, cls: type, required: tuple[str, ...], left_out: tuple[str, ...] = ()) -> Any:
-        return form(title, cls, _KINDS, required, left_out)
+    def table(title: str, cls: type, required: tuple[str, ...], excluded: tuple[str, ...] = ()) -> Any:
+        return form(title, cls, _KINDS, required, excluded)
 
     support = table("support", Support, ("stiffness",))
     supports = create_model("supports", __config__=strict, pinion=(support, ...), wheel=(support, ...))
     mesh = create_model("mesh", __config__=strict, stiffness=(str, ...), error=(str, None), static_error=(str, None))
-    whole: dict[str, Any] = {
+    keys: dict[str, Any] = {
         "torque": (str | float, ...), "damping": (str | float, ...), "form": (_KINDS["form"], None),
         "mesh_model": (_KINDS["mesh_model"], None), "torque_orders": (TORQUE_ORDERS, ()),
         "friction": (float | table("friction", BenedictKelley, ("viscosity", "speed")), 0.0),
@@ -173,7 +173,7 @@ def _schema() -> Any:
         "pair": (table("pair", GearPair, (), ("pinion", "wheel")), None),
         "support": (supports, None), "mesh": (mesh, None),
     }  # fmt: skip
-    return create_model("machine", __config__=strict, **whole)
+    return create_model("machine", __config__=strict, **keys)
 
 
 _KINDS: dict[str, Any] = {
@@ -190,36 +190,39 @@ TORQUE_ORDERS = dict[str, str | float | list[str | float]]
 class _Reader:
     """Makes objects from checked tables, and records refused values with their keys."""
 
-    def __init__(self, problems: list[tuple[Place, str]], folder: Path) -> None:
+    def __init__(self, problems: list[tuple[KeyPath, str]], folder: Path) -> None:
         self.problems, self.folder = problems, folder
 
     def machine(self, data: Mapping[str, Any]) -> Machine | None:
         """Return the machine; None if a value was refused."""
-        own = {
-            name: self._read(place, ("",), data[name]) for name, place in (("torque", _TORQUE), ("damping", DAMPING))
+        quantities = {
+            name: self._read(quantity, ("",), data[name])
+            for name, quantity in (("torque", _TORQUE), ("damping", DAMPING))
         }
-        pinion = self._made(("pinion",), Gear, data["pinion"])
-        wheel = None if pinion is None else self._made(("wheel",), Gear, _completed(pinion, data["wheel"]))
-        supports = [self._made(("support", name), Support, table) for name, table in data.get("support", {}).items()]
+        pinion = self._constructed(("pinion",), Gear, data["pinion"])
+        wheel = None if pinion is None else self._constructed(("wheel",), Gear, _completed(pinion, data["wheel"]))
+        supports = [
+            self._constructed(("support", name), Support, table) for name, table in data.get("support", {}).items()
+        ]
         orders = self._orders(data.get("torque_orders", ()))
         friction = self._friction(data.get("friction", 0.0))
         if pinion is None or wheel is None:
             return None
-        pair = self._made(("pair",), GearPair, {"pinion": pinion, "wheel": wheel, **data.get("pair", {})})
+        pair = self._constructed(("pair",), GearPair, {"pinion": pinion, "wheel": wheel, **data.get("pair", {})})
         cycle = (
             None
             if pair is None
-            else self._cycle(data.get("mesh"), pair.transverse_force(effective_torque(own["torque"], orders)))
+            else self._cycle(data.get("mesh"), pair.transverse_force(effective_torque(quantities["torque"], orders)))
         )
         if self.problems or pair is None:
             return None
-        held: Any = tuple(supports) or None
+        support_pair: Any = tuple(supports) or None
         machine = Machine(
             pair,
-            own["torque"],
-            own["damping"],
+            quantities["torque"],
+            quantities["damping"],
             data.get("form", "torsion"),
-            held,
+            support_pair,
             cycle,
             data.get("mesh_model"),
             orders,
@@ -228,32 +231,32 @@ class _Reader:
         try:
             machine.model()
         except ValueError as error:
-            self.problems.append((_place_in(str(error), data), bare(error)))
+            self.problems.append((_key_path_of_error(str(error), data), bare(error)))
         return None if self.problems else machine
 
-    def _orders(self, given: Any) -> TorqueOrders:
+    def _orders(self, orders: Any) -> TorqueOrders:
         try:
-            return torque_orders("the machine", given)
+            return torque_orders("the machine", orders)
         except ValueError as error:
             self.problems.append((("torque_orders",), bare(error)))
             return ()
 
-    def _friction(self, given: Any) -> Friction:
-        if isinstance(given, Mapping):
-            made: Friction | None = self._made(("friction",), BenedictKelley, given)
-            return made or 0.0
-        return self._read(COEFFICIENT, ("",), given)
+    def _friction(self, value: Any) -> Friction:
+        if isinstance(value, Mapping):
+            film: Friction | None = self._constructed(("friction",), BenedictKelley, value)
+            return film or 0.0
+        return self._read(COEFFICIENT, ("",), value)
 
-    def _read(self, field: QuantityField, place: Place, value: Any) -> float:
+    def _read(self, field: QuantityField, key_path: KeyPath, value: Any) -> float:
         try:
             return field.read("the machine", value)
         except ValueError as error:
             self.problems.append(((field.name,), bare(error)))
             return 0.0
 
-    def _made(self, place: Place, cls: type, values: Mapping[str, Any]) -> Any:
+    def _constructed(self, key_path: KeyPath, cls: type, values: Mapping[str, Any]) -> Any:
         """Return an instance; None if a value was refused, which is recorded."""
-        return made(self.problems, place, cls, values)
+        return constructed(self.problems, key_path, cls, values)
 
     def _cycle(self, table: Mapping[str, str] | None, force: float) -> MeshCycle | None:
         if table is None:
@@ -283,7 +286,7 @@ def _completed(pinion: Gear, wheel: Mapping[str, Any]) -> dict[str, Any]:
     return {**shared, **wheel}
 
 
-def _place_in(message: str, data: Mapping[str, Any]) -> Place:
+def _key_path_of_error(message: str, data: Mapping[str, Any]) -> KeyPath:
     """Return the key of the file that an error of the whole machine refers to."""
     if "BenedictKelley" in message or "friction" in message:
         return ("friction",)
@@ -338,24 +341,24 @@ def machine_text(machine: Machine, remarks: tuple[str, ...] = ()) -> str:
     tables: list[tuple[str, Any]] = [("pinion", machine.pair.pinion), ("wheel", machine.pair.wheel),
                                      ("pair", machine.pair)]  # fmt: skip
     tables += zip(("support.pinion", "support.wheel"), machine.supports or (), strict=False)
-    for name, thing in tables:
-        lines += ["", f"[{name}]", *_entries(thing)]
+    for name, component in tables:
+        lines += ["", f"[{name}]", *_entries(component)]
     return "\n".join(lines) + "\n"
 
 
-def _entries(thing: Any) -> list[str]:
+def _entries(component: Any) -> list[str]:
     """Return the lines of the fields whose values are not the default."""
-    out = []
-    for field in fields(thing):
-        value, measured = getattr(thing, field.name), vars(type(thing)).get(field.name)
-        default = measured.default if isinstance(measured, QuantityField) else field.default
+    lines = []
+    for field in fields(component):
+        value, quantity = getattr(component, field.name), vars(type(component)).get(field.name)
+        default = quantity.default if isinstance(quantity, QuantityField) else field.default
         if not field.init or isinstance(value, Gear) or value is None or (default is not MISSING and value == default):
             continue
-        if isinstance(measured, QuantityField) and measured.unit:
-            out.append(f"{field.name} = {_quantity(value, measured.unit)}")
+        if isinstance(quantity, QuantityField) and quantity.unit:
+            lines.append(f"{field.name} = {_quantity(value, quantity.unit)}")
         else:
-            out.append(f"{field.name} = {json.dumps(value)}")
-    return out
+            lines.append(f"{field.name} = {json.dumps(value)}")
+    return lines
 
 
 _WRITTEN = {"m": [("mm", 1e3), ("um", 1e6)], "rad": [("deg", 57.29577951308232)], "Pa": [("GPa", 1e-9)]}

@@ -35,7 +35,7 @@ import numpy as np
 from hbgear.common.arrays import Array
 from hbgear.common.process.signals import defer_signals
 from hbgear.common.text.messages import did_you_mean, quoted
-from hbgear.io.machines.toml_file import Place, TomlFileError, checked, exactly, located, parsed
+from hbgear.io.machines.toml_file import KeyPath, TomlFileError, checked, exactly, located, parsed
 from hbgear.io.matrices import NAMES, Matrices, from_matrices
 from hbgear.io.receptance_files import from_receptances
 from hbgear.mechanics.function_model import SystemOfLaws
@@ -45,7 +45,7 @@ from hbgear.mechanics.models import Element, Load, System, VectorElement
 from hbgear.mechanics.series.fourier import Series
 from hbgear.mechanics.structures.receptances import Receptances
 
-Problems = list[tuple[Place, str]]
+Problems = list[tuple[KeyPath, str]]
 
 
 class StructureFileError(TomlFileError):
@@ -115,15 +115,15 @@ def _schema() -> Any:
     vector: Any = Annotated[Any, BeforeValidator(_vector)]
     direction: Any = Annotated[Any, BeforeValidator(_direction)]
     quantity: Any = Literal["receptance", "mobility", "accelerance"]
-    own: dict[str, Any] = dict.fromkeys(NAMES, (str | list[list[float]], None))
+    matrix_keys: dict[str, Any] = dict.fromkeys(NAMES, (str | list[list[float]], None))
     ratios: Any = float | list[float]
     matrices = create_model(
-        "matrices", __config__=strict, **own, file=(str, None), names=(list[str], ()), ratio=(float, 1.0),
+        "matrices", __config__=strict, **matrix_keys, file=(str, None), names=(list[str], ()), ratio=(float, 1.0),
         damping_ratio=(ratios, None),
     )  # fmt: skip
-    one: Any = create_model("table", __config__=strict, response=(str, ...), force=(str, ...), file=(str, ...))
+    table: Any = create_model("table", __config__=strict, response=(str, ...), force=(str, ...), file=(str, ...))
     receptances = create_model(
-        "receptances", __config__=strict, file=(str, None), tables=(list[one], None),
+        "receptances", __config__=strict, file=(str, None), tables=(list[table], None),
         names=(dict[str, str], None), static=(str | list[list[float]], None),
         quantity=(quantity, None),
     )  # fmt: skip
@@ -148,66 +148,71 @@ def _schema() -> Any:
 
 def _system(data: Mapping[str, Any], folder: Path, problems: Problems) -> System | None:
     """Return the system; None if a value was refused."""
-    given = [name for name in ("matrices", "receptances") if data.get(name) is not None]
-    if len(given) != 1:
-        problems.append(((given[-1] if given else "element",), "give either [matrices] or [receptances]"))
+    tables = [name for name in ("matrices", "receptances") if data.get(name) is not None]
+    if len(tables) != 1:
+        problems.append(((tables[-1] if tables else "element",), "give either [matrices] or [receptances]"))
         return None
-    table = data[given[0]]
-    part = _tried(problems, (given[0],), lambda: _matrices(table, folder) if "matrices" in given
+    table = data[tables[0]]
+    structure = _result_or_problem(problems, (tables[0],), lambda: _matrices(table, folder) if "matrices" in tables
                   else _receptances(table, folder))  # fmt: skip
-    if part is None:
+    if structure is None:
         return None
     elements, loads = (
-        [_tried(problems, (name, i), partial(make, part, each)) for i, each in enumerate(data.get(name, []))]
+        [
+            _result_or_problem(problems, (name, i), partial(make, structure, entry))
+            for i, entry in enumerate(data.get(name, []))
+        ]
         for name, make in (("element", _element), ("load", _load))
     )
     if problems:
         return None
-    elements = [each for some in elements for each in some]
-    rest = {"ratio": table.get("ratio", 1.0)} if isinstance(part, Matrices) else {}
-    system = _tried(problems, (given[0],), lambda: part.system(elements, loads, **rest))
+    elements = [entry for group in elements for entry in group]
+    options = {"ratio": table.get("ratio", 1.0)} if isinstance(structure, Matrices) else {}
+    system = _result_or_problem(problems, (tables[0],), lambda: structure.system(elements, loads, **options))
     if system is None:
         return None
-    laws = [(each["law"], _law_keys(each)) for each in data["element"]]
+    laws = [(entry["law"], _law_keys(entry)) for entry in data["element"]]
     if len(laws) != len(elements):  # the elements of a law of several displacements share its numbers
         return system  # type: ignore[no-any-return]
-    return SystemOfLaws(**{one.name: getattr(system, one.name) for one in fields(System)}, laws=laws)
+    return SystemOfLaws(**{field.name: getattr(system, field.name) for field in fields(System)}, laws=laws)
 
 
-def _tried(problems: Problems, place: Place, make: Callable[[], Any]) -> Any:
+def _result_or_problem(problems: Problems, key_path: KeyPath, make: Callable[[], Any]) -> Any:
     """Return the result of ``make``; None if it is refused, with the reason added to the problems."""
     try:
         return make()
     except (ValueError, KeyError, IndexError, TypeError) as error:
-        problems.append((place, str(error.args[0] if isinstance(error, KeyError) else error)))
+        problems.append((key_path, str(error.args[0] if isinstance(error, KeyError) else error)))
         return None
 
 
 def _matrices(table: Mapping[str, Any], folder: Path) -> Matrices:
-    own = {name: table[name] for name in NAMES if table.get(name) is not None}
+    sources = {name: table[name] for name in NAMES if table.get(name) is not None}
     names = tuple(table.get("names", ()))
     if table.get("file") is None:
-        found = from_matrices({name: folder / one if isinstance(one, str) else one for name, one in own.items()},
+        structure = from_matrices({name: folder / x if isinstance(x, str) else x for name, x in sources.items()},
                               None, names)  # fmt: skip
     else:
-        inline = next((name for name, one in own.items() if not isinstance(one, str)), None)
+        inline = next((name for name, x in sources.items() if not isinstance(x, str)), None)
         if inline is not None:
             raise ValueError(f"{inline} is a matrix and file names a file with all matrices: give either of them")
-        found = from_matrices(folder / table["file"], own, names)
+        structure = from_matrices(folder / table["file"], sources, names)
     ratio = table.get("damping_ratio")
-    return found if ratio is None else found.with_modal_damping(ratio)
+    return structure if ratio is None else structure.with_modal_damping(ratio)
 
 
 def _receptances(table: Mapping[str, Any], folder: Path) -> Receptances:
-    rest = {name: table.get(name) for name in ("static", "quantity", "names")}
+    options = {name: table.get(name) for name in ("static", "quantity", "names")}
     if (table.get("file") is None) == (table.get("tables") is None):
         raise ValueError("receptances are in a universal file or in tables: give either file or tables")
     if table.get("file") is not None:
-        return from_receptances(folder / table["file"], **rest)
-    return from_receptances({(one["response"], one["force"]): folder / one["file"] for one in table["tables"]}, **rest)
+        return from_receptances(folder / table["file"], **options)
+    return from_receptances(
+        {(entry["response"], entry["force"]): folder / entry["file"] for entry in table["tables"]}, **options
+    )
 
 
-def _element(part: Matrices | Receptances, table: Mapping[str, Any]) -> tuple[Element, ...]:
+def _element(structure: Matrices | Receptances, table: Mapping[str, Any]) -> tuple[Element, ...]:
     """Return the element of a table, or the elements of a law of several displacements with a list of directions."""
     law = _law_entry(table["law"]).from_toml(_law_keys(table))
     error = Series(0.0, tuple(table.get("error") or ()))
@@ -218,35 +223,35 @@ def _element(part: Matrices | Receptances, table: Mapping[str, Any]) -> tuple[El
                 f"law = '{table['law']}' has {law.size} displacements and no error: give a list of directions, such as "
                 "direction = [{ x = 1.0 }, { y = 1.0 }]"
             )
-        return VectorElement([_along(part, one) for one in table["direction"]], law, damping, name)
+        return VectorElement([_along(structure, vector) for vector in table["direction"]], law, damping, name)
     if _is_list_of_vectors(table["direction"]):
         raise ValueError(f"law = '{table['law']}' has one displacement: give one direction, such as {{ x = 1.0 }}")
-    return (Element(_along(part, table["direction"]), law, error, damping, name),)
+    return (Element(_along(structure, table["direction"]), law, error, damping, name),)
 
 
 def _vector(value: Any) -> Any:
     """Return a vector of a file: numbers by the names of coordinates, or a number for each coordinate."""
     numbers = list(value.values()) if isinstance(value, dict) else value
-    if not isinstance(numbers, list) or not numbers or not all(type(one) in (int, float) for one in numbers):
+    if not isinstance(numbers, list) or not numbers or not all(type(x) in (int, float) for x in numbers):
         raise ValueError("need numbers by coordinate, such as { x = 1.0 }, or one for each, such as [1.0, 0.0]")
     return value
 
 
 def _direction(value: Any) -> Any:
     """Return a vector of a file, or a list of vectors."""
-    return [_vector(one) for one in value] if _is_list_of_vectors(value) else _vector(value)
+    return [_vector(vector) for vector in value] if _is_list_of_vectors(value) else _vector(value)
 
 
 def _is_list_of_vectors(direction: Any) -> bool:
     """Return whether a direction is a list of vectors, which are tables or lists of numbers."""
-    return isinstance(direction, list) and any(isinstance(one, list | dict) for one in direction)
+    return isinstance(direction, list) and any(isinstance(entry, list | dict) for entry in direction)
 
 
-def _along(part: Matrices | Receptances, vector: dict[str | int, float] | list[float]) -> Array:
+def _along(structure: Matrices | Receptances, vector: dict[str | int, float] | list[float]) -> Array:
     """Return a vector (n,) that is given by the names of its coordinates, or by one number for each coordinate."""
     if isinstance(vector, dict):
-        return part.along(vector)
-    names = list(part.dof_names if isinstance(part, Matrices) else part.names)
+        return structure.along(vector)
+    names = list(structure.dof_names if isinstance(structure, Matrices) else structure.names)
     if len(vector) != len(names):
         raise ValueError(f"{vector} has {len(vector)} numbers; need one for each coordinate: {', '.join(names)}")
     return np.array(vector, dtype=float)
@@ -262,8 +267,8 @@ def _law_entry(name: str) -> Any:
     """
     if name in LAWS:
         return LAWS[name]
-    known = [law for law, entry in LAWS.items() if not entry.no_toml]
-    raise ValueError(f"there is no law {quoted(name)}{did_you_mean(name, known, 'give one of')}")
+    laws = [law for law, entry in LAWS.items() if not entry.no_toml]
+    raise ValueError(f"there is no law {quoted(name)}{did_you_mean(name, laws, 'give one of')}")
 
 
 def _law_keys(table: Mapping[str, Any]) -> dict[str, Any]:
@@ -271,12 +276,12 @@ def _law_keys(table: Mapping[str, Any]) -> dict[str, Any]:
     return {key: value for key, value in table.items() if key not in ELEMENT_KEYS and value is not None}
 
 
-def _load(part: Matrices | Receptances, table: Mapping[str, Any]) -> Load:
-    constant = None if table.get("constant") is None else _along(part, table["constant"])
+def _load(structure: Matrices | Receptances, table: Mapping[str, Any]) -> Load:
+    constant = None if table.get("constant") is None else _along(structure, table["constant"])
     waves: dict[str, Any] = {}
     for name in ("cosine", "sine"):
-        wrong = next((order for order in table.get(name, {}) if not order.isdecimal()), None)
-        if wrong is not None:
-            raise ValueError(f"{name}: '{wrong}' is not a harmonic; give integers, such as {{ 1 = {{ x = 2.0 }} }}")
-        waves[name] = {int(order): _along(part, vector) for order, vector in table.get(name, {}).items()}
+        invalid = next((order for order in table.get(name, {}) if not order.isdecimal()), None)
+        if invalid is not None:
+            raise ValueError(f"{name}: '{invalid}' is not a harmonic; give integers, such as {{ 1 = {{ x = 2.0 }} }}")
+        waves[name] = {int(order): _along(structure, vector) for order, vector in table.get(name, {}).items()}
     return Load(constant, **waves, power=table.get("power", 0))

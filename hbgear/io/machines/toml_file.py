@@ -15,7 +15,7 @@ from hbgear.common.text.messages import did_you_mean, quoted, shortened
 from hbgear.common.units import QuantityField
 from hbgear.io.branches.archive import too_deep
 
-Place = tuple[str | int, ...]
+KeyPath = tuple[str | int, ...]
 """Position in a file: keys and indices of entries, from the outside in."""
 
 
@@ -92,29 +92,31 @@ def checked(
     try:
         return text, schema.model_validate(data).model_dump(exclude_unset=True)
     except pydantic.ValidationError as error:
-        raise error_class(located(path, text, [location_and_text(schema, each) for each in error.errors()])) from None
+        raise error_class(
+            located(path, text, [location_and_text(schema, details) for details in error.errors()])
+        ) from None
 
 
-def located(path: str | os.PathLike[str], text: str, problems: Sequence[tuple[Place, str]]) -> list[str]:
+def located(path: str | os.PathLike[str], text: str, problems: Sequence[tuple[KeyPath, str]]) -> list[str]:
     """Return the errors with their lines, in the order of the lines."""
-    where = lines_of(text)
-    lines = sorted((line_of(where, place), message) for place, message in problems)
+    line_numbers = lines_of(text)
+    lines = sorted((line_of(line_numbers, key_path), message) for key_path, message in problems)
     return [f"{path}, line {line}: {_in_one_line(message)}" for line, message in lines]
 
 
 def _in_one_line(message: str) -> str:
     """Return a message without line breaks and with shortened words, which names in a file may contain."""
     text = " ".join(message.split()) if "\n" in message else message
-    return re.sub(r"'[^']{80,}'|\S{80,}", lambda found: shortened(found[0]), text)
+    return re.sub(r"'[^']{80,}'|\S{80,}", lambda match: shortened(match[0]), text)
 
 
-def lines_of(text: str) -> dict[Place, int]:
+def lines_of(text: str) -> dict[KeyPath, int]:
     """Return the line of the statement that defines each key of a TOML text.
 
     Statements are parsed one by one: a table header, or a key with its value, which may extend over several lines.
     """
-    found: dict[Place, int] = {}
-    header: Place = ()
+    lines: dict[KeyPath, int] = {}
+    header: KeyPath = ()
     start, statement = 1, ""
     for n, line in enumerate(text.splitlines(), 1):
         start, statement = (start, f"{statement}\n{line}") if statement else (n, line)
@@ -124,57 +126,57 @@ def lines_of(text: str) -> dict[Place, int]:
             data = tomllib.loads(statement)
         except tomllib.TOMLDecodeError:
             continue
-        places = list(_places(data))
+        key_paths = list(_key_paths(data))
         if statement.lstrip().startswith("["):
-            header = _numbered(places[-1], found)
-            places = [header[:k] for k in range(1, len(header) + 1)]
+            header = _numbered(key_paths[-1], lines)
+            key_paths = [header[:k] for k in range(1, len(header) + 1)]
         else:
-            places = [(*header, *place) for place in places]
-        for place in places:
-            found.setdefault(place, start)
+            key_paths = [(*header, *key_path) for key_path in key_paths]
+        for key_path in key_paths:
+            lines.setdefault(key_path, start)
         statement = ""
-    return found
+    return lines
 
 
-def _places(data: Any) -> Iterator[Place]:
+def _key_paths(data: Any) -> Iterator[KeyPath]:
     """Yield the positions of keys and entries of lists, from the outside in."""
     pairs = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ()
     for key, value in pairs:
         yield (key,)
-        yield from ((key, *place) for place in _places(value))
+        yield from ((key, *key_path) for key_path in _key_paths(value))
 
 
-def _numbered(header: Place, found: dict[Place, int]) -> Place:
+def _numbered(header: KeyPath, lines: dict[KeyPath, int]) -> KeyPath:
     """Return the header; for an array of tables, ``[[x]]``, with the index of this one."""
     if not isinstance(header[-1], int):
         return header
     number = 0
-    while (*header[:-1], number) in found:
+    while (*header[:-1], number) in lines:
         number += 1
     return (*header[:-1], number)
 
 
-def line_of(lines: Mapping[Place, int], place: Place) -> int:
+def line_of(lines: Mapping[KeyPath, int], key_path: KeyPath) -> int:
     """Return the line of a key, or of the table in which it is missing; 1 if there is neither."""
-    while place and place not in lines:
-        place = place[:-1]
-    return lines.get(place, 1)
+    while key_path and key_path not in lines:
+        key_path = key_path[:-1]
+    return lines.get(key_path, 1)
 
 
-def location_and_text(schema: Any, error: Any) -> tuple[Place, str]:
+def location_and_text(schema: Any, error: Any) -> tuple[KeyPath, str]:
     """Return position and text of an error of pydantic."""
-    place: Place = tuple(error["loc"])
-    name = ".".join(map(str, place))
+    key_path: KeyPath = tuple(error["loc"])
+    name = ".".join(map(str, key_path))
     if error["type"] == "extra_forbidden":
-        for key in place[:-1]:
+        for key in key_path[:-1]:
             if isinstance(key, str):  # the schema of the entries of a list is that of its key
                 schema = schema.model_fields[key].annotation
                 schema = next(iter(typing.get_args(schema)), schema)
-        return place, f"unknown key '{shortened(name)}'{did_you_mean(str(place[-1]), schema.model_fields)}"
+        return key_path, f"unknown key '{shortened(name)}'{did_you_mean(str(key_path[-1]), schema.model_fields)}"
     if error["type"] == "missing":
-        return place, f"'{shortened(name)}' is missing"
+        return key_path, f"'{shortened(name)}' is missing"
     return (
-        place,
+        key_path,
         f"{shortened(name)} = {quoted(error['input'])}: {shortened(error['msg'].removeprefix('Value error, '), 300)}",
     )
 
@@ -187,8 +189,8 @@ def exactly() -> Any:
 
 
 def form(
-    title: str, cls: type, kinds: Mapping[str, Any], required: Sequence[str], left_out: Sequence[str] = (),
-    **more: tuple[Any, Any],
+    title: str, cls: type, kinds: Mapping[str, Any], required: Sequence[str], excluded: Sequence[str] = (),
+    **extra: tuple[Any, Any],
 ) -> Any:  # fmt: skip
     """Return the schema of a table with the fields of a dataclass, a pydantic model.
 
@@ -199,14 +201,14 @@ def form(
 
     keys: dict[str, Any] = {}
     for field in fields(cls):
-        if field.init and field.name not in left_out:
+        if field.init and field.name not in excluded:
             kind: Any = str | float if isinstance(vars(cls).get(field.name), QuantityField) else kinds[field.name]
             keys[field.name] = (kind, ... if field.name in required else None)
-    return create_model(title, __config__=exactly(), **{**keys, **more})
+    return create_model(title, __config__=exactly(), **{**keys, **extra})
 
 
-def made(
-    problems: list[tuple[Place, str]], place: Place, cls: type, values: Mapping[str, Any],
+def constructed(
+    problems: list[tuple[KeyPath, str]], key_path: KeyPath, cls: type, values: Mapping[str, Any],
     make: Callable[..., Any] | None = None,
 ) -> Any:  # fmt: skip
     """Return an instance by ``cls(**values)``, or by ``make``; None if a value is refused, which is added to problems.
@@ -220,13 +222,13 @@ def made(
             try:
                 field.read(cls.__name__, value)
             except ValueError as error:
-                problems.append(((*place, name), bare(error)))
+                problems.append(((*key_path, name), bare(error)))
     if len(problems) > count:
         return None
     try:
         return (make or cls)(**values)
     except ValueError as error:
-        problems.append((place, bare(error)))
+        problems.append((key_path, bare(error)))
         return None
 
 

@@ -55,7 +55,17 @@ from hbgear.gears.trains.beam import Beam
 from hbgear.gears.trains.housing import Housing
 from hbgear.gears.trains.train import Train
 from hbgear.gears.trains.train_components import Bearing, Mesh, Shaft, Wheel
-from hbgear.io.machines.toml_file import Place, TomlFileError, bare, checked, exactly, form, located, made, parsed
+from hbgear.io.machines.toml_file import (
+    KeyPath,
+    TomlFileError,
+    bare,
+    checked,
+    constructed,
+    exactly,
+    form,
+    located,
+    parsed,
+)
 from hbgear.io.matrices import from_matrices
 from hbgear.mechanics.structures.speed_terms import MatrixTable
 
@@ -99,7 +109,7 @@ def read_train(path: str | os.PathLike[str]) -> Train | EpicyclicSet:
         If the file cannot be read, a key, type, unit or value is wrong, or the gears cannot be made or do not mesh.
     """
     text, data = checked(path, "a train", TrainFileError, _schema())
-    problems: list[tuple[Place, str]] = []
+    problems: list[tuple[KeyPath, str]] = []
     train = _train(data, Path(path).parent, problems)
     if train is None:
         raise TrainFileError(located(path, text, problems))
@@ -138,13 +148,13 @@ def _schema() -> Any:
         "bearing": form("bearing", Bearing, _KINDS, ("at",), _TABLES, **dict.fromkeys(_TABLES, (table, None))),
         "mesh": mesh,
     }
-    whole: dict[str, Any] = {
-        name: (list[each], ... if name in ("wheel", "mesh") else [])  # type: ignore[valid-type]
-        for name, each in lists.items()
+    keys: dict[str, Any] = {
+        name: (list[schema], ... if name in ("wheel", "mesh") else [])  # type: ignore[valid-type]
+        for name, schema in lists.items()
     } | {
         "balance": (str, ""), "gyroscopic": (bool, False), "housing": (housing, None), "epicyclic": (epicyclic, None),
     }  # fmt: skip
-    return create_model("train", __config__=exactly(), **whole)
+    return create_model("train", __config__=exactly(), **keys)
 
 
 _TABLES = ("table", "damping_table")
@@ -154,12 +164,12 @@ _FUNCTIONS = ("stiffness", "error", "contacts")
 """Fields of a mesh that a file cannot hold."""
 
 
-def _train(data: Mapping[str, Any], folder: Path, problems: list[tuple[Place, str]]) -> Train | EpicyclicSet | None:
+def _train(data: Mapping[str, Any], folder: Path, problems: list[tuple[KeyPath, str]]) -> Train | EpicyclicSet | None:
     """Return the train or epicyclic set; None if a value was refused."""
     gears: dict[str, Gear] = {}
     wheels = [_wheel(("wheel", i), table, gears, problems) for i, table in enumerate(data["wheel"])]
     shafts, beams = (
-        [made(problems, (name, i), cls, table) for i, table in enumerate(data.get(name, []))]
+        [constructed(problems, (name, i), cls, table) for i, table in enumerate(data.get(name, []))]
         for name, cls in (("shaft", Shaft), ("beam", Beam))
     )
     tables = data["mesh"]
@@ -172,10 +182,10 @@ def _train(data: Mapping[str, Any], folder: Path, problems: list[tuple[Place, st
     housing = _housing(data["housing"], folder, problems) if "housing" in data else None
     if problems:
         return None
-    rest = {name: data[name] for name in ("balance", "gyroscopic") if name in data}
+    options = {name: data[name] for name in ("balance", "gyroscopic") if name in data}
     values = {"wheels": wheels, "meshes": meshes, "shafts": shafts, "bearings": bearings, "beams": beams,
-              "housing": housing, **rest}  # fmt: skip
-    return made(problems, ("mesh", 0), Train, values)  # type: ignore[no-any-return]
+              "housing": housing, **options}  # fmt: skip
+    return constructed(problems, ("mesh", 0), Train, values)  # type: ignore[no-any-return]
 
 
 def _with_torques(
@@ -200,61 +210,61 @@ _QUANTITIES = {"torque": "N m", "carrier_inertia": "kg m^2"}
 
 
 def _epicyclic(
-    data: Mapping[str, Any], wheels: list[Wheel | None], meshes: list[Mesh | None], problems: list[tuple[Place, str]]
+    data: Mapping[str, Any], wheels: list[Wheel | None], meshes: list[Mesh | None], problems: list[tuple[KeyPath, str]]
 ) -> EpicyclicSet | None:
     """Return the epicyclic set; None if a value was refused."""
-    own = dict(data["epicyclic"])
+    fields = dict(data["epicyclic"])
     for name in data.keys() - {"wheel", "mesh", "epicyclic"}:
         problems.append(((name,), f"an epicyclic set has no {name}; remove it, or the table [epicyclic]"))
     for name, unit in _QUANTITIES.items():
-        if name in own:
+        if name in fields:
             try:
-                own[name] = to_si("EpicyclicSet", name, own[name], unit)
+                fields[name] = to_si("EpicyclicSet", name, fields[name], unit)
             except ValueError as error:
                 problems.append((("epicyclic", name), bare(error)))
     if problems:
         return None
-    return made(problems, ("epicyclic",), EpicyclicSet, {"wheels": wheels, "meshes": meshes, **own})  # type: ignore[no-any-return]
+    return constructed(problems, ("epicyclic",), EpicyclicSet, {"wheels": wheels, "meshes": meshes, **fields})  # type: ignore[no-any-return]
 
 
 def _wheel(
-    place: Place, table: Mapping[str, Any], gears: dict[str, Gear], problems: list[tuple[Place, str]]
+    key_path: KeyPath, table: Mapping[str, Any], gears: dict[str, Gear], problems: list[tuple[KeyPath, str]]
 ) -> Wheel | None:
     """Return a wheel given by its fields, or by its gear, which is stored by the name of the wheel."""
-    own = {name: value for name, value in table.items() if name != "gear"}
+    fields = {name: value for name, value in table.items() if name != "gear"}
     if "gear" not in table:
-        if "inertia" not in own:
-            problems.append((place, f"wheel '{own['name']}' needs its inertia, or a gear that determines it"))
+        if "inertia" not in fields:
+            problems.append((key_path, f"wheel '{fields['name']}' needs its inertia, or a gear that determines it"))
             return None
-        return made(problems, place, Wheel, own)  # type: ignore[no-any-return]
-    gear = made(problems, (*place, "gear"), Gear, table["gear"])
+        return constructed(problems, key_path, Wheel, fields)  # type: ignore[no-any-return]
+    gear = constructed(problems, (*key_path, "gear"), Gear, table["gear"])
     if gear is None:
         return None
-    gears[own["name"]] = gear
-    return made(problems, place, Wheel, own, lambda **given: Wheel.of(gear=gear, **given))  # type: ignore[no-any-return]
+    gears[fields["name"]] = gear
+    return constructed(problems, key_path, Wheel, fields, lambda **values: Wheel.of(gear=gear, **values))  # type: ignore[no-any-return]
 
 
-def _bearing(place: Place, table: Mapping[str, Any], problems: list[tuple[Place, str]]) -> Bearing | None:
+def _bearing(key_path: KeyPath, table: Mapping[str, Any], problems: list[tuple[KeyPath, str]]) -> Bearing | None:
     """Return a bearing with its tables over the wheel speed."""
-    own = dict(table)
+    fields = dict(table)
     for name in _TABLES:
-        if own.get(name) is not None:
+        if fields.get(name) is not None:
             try:
-                speeds = [to_si("Bearing", f"{name}.speed", speed, "rad/s") for speed in own[name]["speed"]]
-                own[name] = MatrixTable(speeds, own[name]["matrices"])
+                speeds = [to_si("Bearing", f"{name}.speed", speed, "rad/s") for speed in fields[name]["speed"]]
+                fields[name] = MatrixTable(speeds, fields[name]["matrices"])
             except ValueError as error:
-                problems.append(((*place, name), bare(error)))
+                problems.append(((*key_path, name), bare(error)))
                 return None
-    return made(problems, place, Bearing, own)  # type: ignore[no-any-return]
+    return constructed(problems, key_path, Bearing, fields)  # type: ignore[no-any-return]
 
 
-def _housing(table: Mapping[str, Any], folder: Path, problems: list[tuple[Place, str]]) -> Housing | None:
+def _housing(table: Mapping[str, Any], folder: Path, problems: list[tuple[KeyPath, str]]) -> Housing | None:
     """Return the housing with its matrices from files or rows of numbers."""
     try:
         sources = {name: folder / table[name] if isinstance(table[name], str) else table[name]
                    for name in ("M", "K", "C") if table.get(name) is not None}  # fmt: skip
-        found = from_matrices(sources)
-        return Housing(found.M, found.K, found.C, table.get("names", ()), table.get("seats", {}))
+        matrices = from_matrices(sources)
+        return Housing(matrices.M, matrices.K, matrices.C, table.get("names", ()), table.get("seats", {}))
     except ValueError as error:
         problems.append((("housing",), bare(error)))
         return None
@@ -265,32 +275,32 @@ _OF_PAIR = ("mesh_model", "friction")
 
 
 def _mesh(
-    place: Place, table: Mapping[str, Any], gears: Mapping[str, Gear], problems: list[tuple[Place, str]]
+    key_path: KeyPath, table: Mapping[str, Any], gears: Mapping[str, Gear], problems: list[tuple[KeyPath, str]]
 ) -> Mesh | None:
     """Return a mesh given by its fields, or by a pair of two of the gears under a torque."""
-    own = {name: value for name, value in table.items() if name not in ("pair", "torque", *_OF_PAIR)}
+    fields = {name: value for name, value in table.items() if name not in ("pair", "torque", *_OF_PAIR)}
     if "pair" not in table and "torque" not in table:
         for name in _OF_PAIR:
             if name in table:
                 problems.append(
-                    ((*place, name), f"{name} needs a mesh that is computed from pair and torque; give them")
+                    ((*key_path, name), f"{name} needs a mesh that is computed from pair and torque; give them")
                 )
                 return None
-        if "k_mean" not in own:
-            problems.append((place, "a mesh needs its k_mean, or pair and torque, which determine it"))
+        if "k_mean" not in fields:
+            problems.append((key_path, "a mesh needs its k_mean, or pair and torque, which determine it"))
             return None
-        return made(problems, place, Mesh, own)  # type: ignore[no-any-return]
-    missing = [name for name in (own["first"], own["second"]) if name not in gears]
+        return constructed(problems, key_path, Mesh, fields)  # type: ignore[no-any-return]
+    missing = [name for name in (fields["first"], fields["second"]) if name not in gears]
     if missing or "torque" not in table:
         need = f"a wheel '{missing[0]}' with a gear" if missing else "the torque on the first wheel"
-        problems.append((place, f"a mesh of a pair needs {need}"))
+        problems.append((key_path, f"a mesh of a pair needs {need}"))
         return None
-    sides = {"pinion": gears[own["first"]], "wheel": gears[own["second"]]}
-    pair = made(problems, (*place, "pair"), GearPair, {**sides, **table.get("pair", {})})
+    gears_of_pair = {"pinion": gears[fields["first"]], "wheel": gears[fields["second"]]}
+    pair = constructed(problems, (*key_path, "pair"), GearPair, {**gears_of_pair, **table.get("pair", {})})
     if pair is None:
         return None
-    return made(  # type: ignore[no-any-return]
-        problems, place, Mesh, own,
-        lambda **given: Mesh.of(pair=pair, torque=table["torque"], mesh=table.get("mesh_model"),
-                                friction=table.get("friction", 0.0), **given),
+    return constructed(  # type: ignore[no-any-return]
+        problems, key_path, Mesh, fields,
+        lambda **values: Mesh.of(pair=pair, torque=table["torque"], mesh=table.get("mesh_model"),
+                                friction=table.get("friction", 0.0), **values),
     )  # fmt: skip

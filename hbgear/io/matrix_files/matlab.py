@@ -58,24 +58,24 @@ def _plain(content: bytes) -> bytes:
     order = {b"IM": "<", b"MI": ">"}.get(content[126:128])
     if order is None:
         raise DamagedFileError("it is damaged, or not a .mat file")
-    limit = left = SPARE + TIMES * len(content)
-    parts, at = [content[:_HEADER_BYTES]], _HEADER_BYTES
-    while at < len(content):
-        kind, start, end = _element(memoryview(content), at, order)
+    limit = remaining = SPARE + TIMES * len(content)
+    blocks, position = [content[:_HEADER_BYTES]], _HEADER_BYTES
+    while position < len(content):
+        kind, start, end = _element(memoryview(content), position, order)
         if kind == _COMPRESSED:
-            part = _unpacked(content[start:end], order, left)
+            part = _unpacked(content[start:end], order, remaining)
             if part is None:
                 raise TooMuch(f"it unpacks to more than {limit:,} bytes in a file of {len(content):,}; "
                               "write sparse matrices as such")  # fmt: skip
-            left -= len(part)
+            remaining -= len(part)
         elif kind == _MATRIX:
-            part = content[at:end]
+            part = content[position:end]
         else:
             raise _unknown(kind)
         _check(memoryview(part), order, 0)
-        parts.append(part)
-        at = end
-    return b"".join(parts)
+        blocks.append(part)
+        position = end
+    return b"".join(blocks)
 
 
 def _element(data: memoryview, at: int, order: str) -> tuple[int, int, int]:
@@ -93,13 +93,13 @@ def _element(data: memoryview, at: int, order: str) -> tuple[int, int, int]:
     return kind, start, start + size
 
 
-def _unpacked(packed: bytes, order: str, left: int) -> bytes | None:
-    """Return the element in compressed data, None if it is longer than ``left``; its size is read before it."""
+def _unpacked(packed: bytes, order: str, remaining: int) -> bytes | None:
+    """Return the element in compressed data; None if it is longer than ``remaining``, by the size before it."""
     unpacking = zlib.decompressobj()
     try:
         tag = unpacking.decompress(packed, 8)
         size = struct.unpack(f"{order}II", tag)[1] if len(tag) == 8 else 0
-        return None if size > left else tag + unpacking.decompress(unpacking.unconsumed_tail, size + 1)[:size]
+        return None if size > remaining else tag + unpacking.decompress(unpacking.unconsumed_tail, size + 1)[:size]
     except zlib.error:
         raise DamagedFileError("it is damaged: an element cannot be unpacked") from None
 

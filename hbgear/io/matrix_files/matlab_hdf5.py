@@ -36,7 +36,7 @@ def read_hdf5(path: str | os.PathLike[str]) -> dict[str, Any]:
         If a matrix is too large.
     """
     h5py = needed("h5py", "matlab", "a MATLAB file of version 7.3")
-    found = {}
+    matrices = {}
     with h5py.File(path, "r") as file:
         for name, node in file.items():
             if node.attrs.get("MATLAB_class") not in _NUMBERS or "MATLAB_empty" in node.attrs:
@@ -46,8 +46,8 @@ def read_hdf5(path: str | os.PathLike[str]) -> dict[str, Any]:
                 raise DamagedFileError(
                     f"'{name}' has {size / 2**30:.1f} GiB; need at most {MAX_MATRIX_BYTES >> 30}, or a sparse matrix"
                 )
-            found[name] = _sparse(node) if isinstance(node, h5py.Group) else _dense(node[()])
-    return found
+            matrices[name] = _sparse(node) if isinstance(node, h5py.Group) else _dense(node[()])
+    return matrices
 
 
 def _dense(stored: Any) -> Any:

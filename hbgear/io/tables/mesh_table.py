@@ -71,7 +71,7 @@ def read_mesh_table(path: str | os.PathLike[str], column: int | str = 1, unit: s
     if not known_unit(unit):
         raise ValueError(f"read_table: unit = {quoted(unit)} is not known; need one such as 'N/m' or 'm'")
     values = Kind(
-        "value", dict.fromkeys(_names_for(unit), None), lambda own: factor_of(own, [unit]) is not None,
+        "value", dict.fromkeys(_names_for(unit), None), lambda x: factor_of(x, [unit]) is not None,
         f"{unit} and units that convert to it",
     )  # fmt: skip
     table = read_data_table(path, "a table of a mesh cycle", [_PHASE, values])
@@ -79,12 +79,12 @@ def read_mesh_table(path: str | os.PathLike[str], column: int | str = 1, unit: s
     if named(table.headings[0], _PHASE) is None:
         raise ValueError(f"{path}: the first column is {quoted(split(table.headings[0])[0])}; need the phase, as in "
                          "'phase [cycle]' (shaft angles are not phases of the mesh)")  # fmt: skip
-    phases, found = table.column(0, _PHASE), table.column(column, values)
+    phases, value_column = table.column(0, _PHASE), table.column(column, values)
     if len(table.rows) < 3:
         raise ValueError(f"{path}: {len(table.rows)} rows of numbers are too few for a mesh cycle")
     phase = phases.numbers() * ANGLE[phases.unit or "cycle"] / (2 * pi)
-    factor, _ = factor_of(plain_unit(found.unit), [unit]) or (1.0, unit)
-    return MeshTable(*_closed(path, phases.lines, phase, found.numbers() * factor))
+    factor, _ = factor_of(plain_unit(value_column.unit), [unit]) or (1.0, unit)
+    return MeshTable(*_closed(path, phases.lines, phase, value_column.numbers() * factor))
 
 
 def _names_for(unit: str) -> tuple[str, ...]:
@@ -96,17 +96,19 @@ def _names_for(unit: str) -> tuple[str, ...]:
 
 def _position(path: object, table: DataTable, column: int | str, values: Kind) -> int:
     """Return the number of the column of the values; refuse a column of an unknown name that is not given by it."""
-    written = [split(heading)[0] for heading in table.headings]
+    column_names = [split(heading)[0] for heading in table.headings]
     if isinstance(column, str):
-        if written[1:].count(column.strip()) != 1:
-            raise ValueError(f"{path}: it has no column {quoted(column)}; it has {', '.join(map(quoted, written))}")
-        return written.index(column.strip(), 1)
-    if not 0 < column < len(written):
-        raise ValueError(f"{path}: it has {len(written)} columns, and no column {column} (from 0)")
+        if column_names[1:].count(column.strip()) != 1:
+            raise ValueError(
+                f"{path}: it has no column {quoted(column)}; it has {', '.join(map(quoted, column_names))}"
+            )
+        return column_names.index(column.strip(), 1)
+    if not 0 < column < len(column_names):
+        raise ValueError(f"{path}: it has {len(column_names)} columns, and no column {column} (from 0)")
     if named(table.headings[column], values) is None:
-        own = quoted(written[column])
-        raise ValueError(f"{path}: the column {own} is unknown; accepted are {', '.join(values.names)}; a column of "
-                         f"another name is given by it: column={own}")  # fmt: skip
+        name = quoted(column_names[column])
+        raise ValueError(f"{path}: the column {name} is unknown; accepted are {', '.join(values.names)}; a column of "
+                         f"another name is given by it: column={name}")  # fmt: skip
     return column
 
 

@@ -84,15 +84,15 @@ def read_response(path: str | os.PathLike[str], quantity: str | None) -> tuple[A
         If the file is not such a table, or a name or unit of a column is unknown.
     """
     table = read_data_table(path, "a frequency response", KINDS, _DEFAULT)
-    found = table.columns(KINDS)
-    pairs = [pair for pair in _PAIRS if any(role in found for role in pair)]
-    if "frequency" not in found or len(pairs) != 1 or not all(role in found for role in pairs[0]):
+    columns = table.columns(KINDS)
+    pairs = [pair for pair in _PAIRS if any(role in columns for role in pair)]
+    if "frequency" not in columns or len(pairs) != 1 or not all(role in columns for role in pairs[0]):
         raise ValueError(f"'{path}' has the columns {', '.join(map(repr, table.headings))}; need a frequency with real "
                          "and imaginary part, or with magnitude and phase")  # fmt: skip
-    if "coherence" in found:
-        found["coherence"].numbers()  # not used, but refuses cells that are not numbers
-    f = found["frequency"].numbers() * FREQUENCY[found["frequency"].unit]
-    first, second = (found[role] for role in pairs[0])
+    if "coherence" in columns:
+        columns["coherence"].numbers()  # not used, but refuses cells that are not numbers
+    f = columns["frequency"].numbers() * FREQUENCY[columns["frequency"].unit]
+    first, second = (columns[role] for role in pairs[0])
     if pairs[0][0] == "magnitude":
         size, quantity = _sizes(first, quantity)
         return f, size * np.exp(1j * _angles(second)), quantity
@@ -111,28 +111,28 @@ def _sizes(column: Column, quantity: str | None) -> tuple[Array, str]:
             raise ValueError(f"'{column.file}': the column {column.heading!r} has levels that are not dB")
     if not unit:
         return values, quantity or "receptance"
-    factor, own = _fitting(unit) or (1.0, "receptance")
-    if quantity not in (None, own):
-        raise ValueError(f"'{column.file}': the unit of the column {column.heading!r} is that of {own}, not "
-                         f"{quantity}; give quantity='{own}', or correct the unit")  # fmt: skip
-    return values * factor, own
+    factor, unit_quantity = _fitting(unit) or (1.0, "receptance")
+    if quantity not in (None, unit_quantity):
+        raise ValueError(f"'{column.file}': the unit of the column {column.heading!r} is that of {unit_quantity}, not "
+                         f"{quantity}; give quantity='{unit_quantity}', or correct the unit")  # fmt: skip
+    return values * factor, unit_quantity
 
 
 def _fitting(unit: str) -> tuple[float, str] | None:
     """Return the factor of a unit to SI, and its quantity."""
     for quantity, units in QUANTITIES.items():
-        if (found := factor_of(unit, units)) is not None:
-            return found[0], quantity
+        if (factor := factor_of(unit, units)) is not None:
+            return factor[0], quantity
     return None
 
 
 def _level(unit: str) -> str | None:
     """Return the reference unit of levels in dB, "" for the unit of the model; None if the unit is not a level."""
-    found = re.fullmatch(r"dB(?:\s*(?:re\.?|ref\.?)?\s*(?:1\s*)?(.*))?", unit, re.IGNORECASE)
-    if found is None:
+    match = re.fullmatch(r"dB(?:\s*(?:re\.?|ref\.?)?\s*(?:1\s*)?(.*))?", unit, re.IGNORECASE)
+    if match is None:
         return None
-    over = plain_unit((found[1] or "").strip().removeprefix("(").removesuffix(")"))
-    return over if not over or _fitting(over) is not None else None
+    reference = plain_unit((match[1] or "").strip().removeprefix("(").removesuffix(")"))
+    return reference if not reference or _fitting(reference) is not None else None
 
 
 def _angles(column: Column) -> Array:

@@ -122,7 +122,7 @@ class DataTable:
         ValueError
             If its unit does not belong to that kind, or is missing.
         """
-        return self._of_unit(i, kind, (named(self.headings[i], kind) or (None,))[0])
+        return self._column_in_unit(i, kind, (named(self.headings[i], kind) or (None,))[0])
 
     def columns(
         self, kinds: Sequence[Kind], called: Mapping[str, str] | None = None, assumed: Mapping[str, str] | None = None
@@ -150,7 +150,7 @@ class DataTable:
         ValueError
             If a column has no kind, two have the same kind, or a unit is not accepted.
         """
-        found: dict[str, Column] = {}
+        columns: dict[str, Column] = {}
         by_role = {kind.role: kind for kind in kinds}
         positions = {role: self._position(role, head) for role, head in (called or {}).items()}
         for i, heading in enumerate(self.headings):
@@ -164,34 +164,34 @@ class DataTable:
                 raise ValueError(f"'{self.file}': the column {quoted(heading)} is unknown; {_accepted(kinds)}")
             if role is None and kind.role in positions:
                 continue
-            if kind.role in found:
-                first = quoted(found[kind.role].heading)
+            if kind.role in columns:
+                first = quoted(columns[kind.role].heading)
                 raise ValueError(f"'{self.file}': the columns {first} and {quoted(heading)} are both the {kind.role}; "
                                  "need one")  # fmt: skip
             implied = named(heading, kind) or (None if role is None else "",)
-            found[kind.role] = self._of_unit(i, kind, implied[0] or (assumed or {}).get(kind.role, implied[0]))
-        return found
+            columns[kind.role] = self._column_in_unit(i, kind, implied[0] or (assumed or {}).get(kind.role, implied[0]))
+        return columns
 
     def _position(self, role: str, head: str) -> int:
-        for same in (lambda text: text.strip() == head.strip(), lambda text: split(text)[0].strip() == head.strip()):
-            positions = [i for i, heading in enumerate(self.headings) if same(heading)]
+        for matches in (lambda text: text.strip() == head.strip(), lambda text: split(text)[0].strip() == head.strip()):
+            positions = [i for i, heading in enumerate(self.headings) if matches(heading)]
             if len(positions) == 1:
                 return positions[0]
         raise KeyError(f"'{self.file}': there is no column {quoted(head)} for {role}; it has "
                        f"{', '.join(quoted(heading) for heading in self.headings)}")  # fmt: skip
 
-    def _of_unit(self, i: int, kind: Kind, implied: str | None) -> Column:
+    def _column_in_unit(self, i: int, kind: Kind, implied: str | None) -> Column:
         heading = self.headings[i]
         name, stated = split(heading)
         if normal(heading) in map(normal, kind.names):  # "Re(H)" is not Re in henry
             stated = None
         unit = implied if stated is None else plain_unit(stated)
-        which = f"'{self.file}': the column {quoted(heading)}"
+        text = f"'{self.file}': the column {quoted(heading)}"
         if unit is None:
             example = f"{name} [{kind.accepted.split(',')[0]}]"
-            raise ValueError(f"{which} has no unit; write it as in {quoted(example)}; accepted are {kind.accepted}")
+            raise ValueError(f"{text} has no unit; write it as in {quoted(example)}; accepted are {kind.accepted}")
         if not kind.unit(unit):
-            raise ValueError(f"{which} has an unknown unit for the {kind.role}; accepted are {kind.accepted}")
+            raise ValueError(f"{text} has an unknown unit for the {kind.role}; accepted are {kind.accepted}")
         cells = tuple(row.cells[i] for row in self.rows)
         return Column(heading, unit, cells, tuple(row.line for row in self.rows), self.file, stated is not None)
 
@@ -253,11 +253,11 @@ def split(heading: str) -> tuple[str, str | None]:
     >>> split("speed [r/min]"), split("f / Hz"), split("x")
     (('speed', 'r/min'), ('f', 'Hz'), ('x', None))
     """
-    found = re.fullmatch(r"\s*(.*?)\s*(?:\[([^\[\]]*)\]|\(((?:[^()]|\([^()]*\))*)\)|\s/\s(.*?))\s*", heading)
-    if found is None:
+    match = re.fullmatch(r"\s*(.*?)\s*(?:\[([^\[\]]*)\]|\(((?:[^()]|\([^()]*\))*)\)|\s/\s(.*?))\s*", heading)
+    if match is None:
         return heading.strip(), None
-    unit = next(part for part in found.groups()[1:] if part is not None).strip()
-    return found[1].removesuffix("/").strip(), unit.removeprefix("in ").strip()
+    unit = next(part for part in match.groups()[1:] if part is not None).strip()
+    return match[1].removesuffix("/").strip(), unit.removeprefix("in ").strip()
 
 
 def normal(name: str) -> str:
@@ -285,8 +285,8 @@ def _in_remark(text: TableText, kinds: Sequence[Kind]) -> tuple[str, ...] | None
 
 def _check_note(note: str, name: str, kinds: Sequence[Kind]) -> None:
     """Refuse a table without a header whose last comment states units: the columns may be in these units."""
-    for found in re.finditer(r"\[([^\[\]]*)\]|\(([^()]*)\)", note):
-        unit = plain_unit(found[1] if found[1] is not None else found[2])
+    for match in re.finditer(r"\[([^\[\]]*)\]|\(([^()]*)\)", note):
+        unit = plain_unit(match[1] if match[1] is not None else match[2])
         if unit and any(kind.unit(unit) for kind in kinds):
             raise ValueError(
                 f"'{name}' has no line of column names, and its last remark {quoted(note)} has the unit {quoted(unit)}"

@@ -114,23 +114,23 @@ def table_text(text: str, name: str) -> TableText:
     (('f [Hz]', 'x [mm]'), ('1,5', '0,1'))
     """
     lines, remark = _lines(text)
-    above = 0
-    while above < len(lines) and not _has_numbers(lines[above][1]):
-        above += 1
-    if above == len(lines):
+    header_count = 0
+    while header_count < len(lines) and not _has_numbers(lines[header_count][1]):
+        header_count += 1
+    if header_count == len(lines):
         raise ValueError(f"'{name}' has no rows of numbers; need a line of column names and rows of numbers")
-    body = lines[above:]
+    body = lines[header_count:]
     mark = _separator([line for _, line in body])
     rows = [Row(i, _cells(line, mark, i, name)) for i, line in body]
-    heads = [line for _, line in lines[max(above - 2, 0) : above]]
+    heads = [line for _, line in lines[max(header_count - 2, 0) : header_count]]
     width = len(rows[0].cells)
     named = [_headings(line, mark, width) for line in heads]
-    if above > 2 or (above == 2 and not _second_of_units(named)):
-        i, line = lines[above - 2 if above > 2 else 0]
+    if header_count > 2 or (header_count == 2 and not _has_line_of_units(named)):
+        i, line = lines[header_count - 2 if header_count > 2 else 0]
         raise ValueError(f"'{name}', line {i}: {quoted(line.strip()[:80])} is not a row of numbers; mark comments with "
                          "#, and give one line of column names")  # fmt: skip
-    headings = _joined(named) if above == 2 else named[0] if above else None
-    if above == 1 and headings is None:
+    headings = _joined(named) if header_count == 2 else named[0] if header_count else None
+    if header_count == 1 and headings is None:
         raise ValueError(f"'{name}': {_mismatch(heads[0], mark, width, body[0])}")
     note = "" if headings is not None or remark is None else remark
     return TableText(headings, tuple(_alike(rows, headings, mark, name)), _headings(note, mark, width), note)
@@ -164,8 +164,8 @@ def _lines(text: str) -> tuple[list[tuple[int, str]], str | None]:
     lines: list[tuple[int, str]] = []
     remark = None
     for i, line in enumerate(re.split(r"\r\n|\n|\r", text.removeprefix("\ufeff")), 1):
-        if (found := _COMMENT.match(line)) is not None:
-            remark = line[found.end() :].strip("#%!/ \t") if not lines else remark
+        if (match := _COMMENT.match(line)) is not None:
+            remark = line[match.end() :].strip("#%!/ \t") if not lines else remark
         elif line.strip(" \t\f\v;,\u00a0"):
             lines.append((i, line))
     return lines, remark
@@ -225,10 +225,10 @@ def _headings(line: str, mark: str | None, width: int) -> tuple[str, ...] | None
 
 
 def _splits(line: str, mark: str | None) -> Iterator[list[str]]:
-    for one in dict.fromkeys((mark, ";", "\t", ",", None)):
-        if one is not None:
+    for separator in dict.fromkeys((mark, ";", "\t", ",", None)):
+        if separator is not None:
             try:
-                yield [cell.strip() for cell in next(csv.reader([line], delimiter=one, strict=True))]
+                yield [cell.strip() for cell in next(csv.reader([line], delimiter=separator, strict=True))]
             except csv.Error:
                 continue
             continue
@@ -237,7 +237,7 @@ def _splits(line: str, mark: str | None) -> Iterator[list[str]]:
         yield re.findall(r"(?:\[[^\]]*\]|\([^)]*\)|[^\s\[(])+", closed)
 
 
-def _second_of_units(named: Sequence[tuple[str, ...] | None]) -> bool:
+def _has_line_of_units(named: Sequence[tuple[str, ...] | None]) -> bool:
     """Return whether the second of two lines before the numbers has the units of the columns in the first."""
     first, second = named
     if first is None or second is None or any("[" in name for name in first):
@@ -246,7 +246,7 @@ def _second_of_units(named: Sequence[tuple[str, ...] | None]) -> bool:
 
 
 def _joined(named: Sequence[tuple[str, ...] | None]) -> tuple[str, ...]:
-    names, units = (each or () for each in named)
+    names, units = (cells or () for cells in named)
     bare = (re.fullmatch(r"\s*[\[(]?(.*?)[\])]?\s*", unit) for unit in units)
     return tuple(
         f"{name} [{unit[1]}]" if unit is not None and unit[1] else name for name, unit in zip(names, bare, strict=True)
@@ -262,7 +262,7 @@ def _mismatch(head: str, mark: str | None, width: int, row: tuple[int, str]) -> 
 def _alike(rows: Sequence[Row], headings: tuple[str, ...] | None, mark: str | None, name: str) -> list[Row]:
     """Return rows with equal numbers of cells; refuse cut rows and two different decimal marks."""
     width = len(rows[0].cells) if headings is None else len(headings)
-    out = []
+    aligned = []
     marks: Counter[str] = Counter()
     for row in rows:
         cells = row.cells
@@ -274,11 +274,11 @@ def _alike(rows: Sequence[Row], headings: tuple[str, ...] | None, mark: str | No
                              f"need one for each{hint}")  # fmt: skip
         for cell in cells:
             if number_of_cell(cell) is not None:
-                marks.update(each for each in ".," if each in cell)
+                marks.update(mark_found for mark_found in ".," if mark_found in cell)
                 if len(marks) > 1:
                     raise ValueError(
                         f"'{name}', line {row.line}: {quoted(cell)} has another decimal mark than earlier numbers; "
                         "use points or commas throughout, and no thousands separators"
                     )
-        out.append(Row(row.line, cells))
-    return out
+        aligned.append(Row(row.line, cells))
+    return aligned

@@ -43,11 +43,11 @@ def plain_unit(text: str) -> str:
     >>> [plain_unit(text) for text in ("µm", "°", "U/min", "(m/s²)/N", "rad/(N·m)", "-")]
     ['um', 'deg', 'r/min', 'm/s^2/N', 'rad/N/m', '']
     """
-    text = re.sub("[²³⁻¹]+", lambda found: "^" + unicodedata.normalize("NFKC", found[0]), text)
+    text = re.sub("[²³⁻¹]+", lambda match: "^" + unicodedata.normalize("NFKC", match[0]), text)
     text = unicodedata.normalize("NFKC", text).replace("\u2212", "-").replace("μ", "u").replace("°", "deg")
     text = " ".join(text.replace("·", "*").replace("⋅", "*").split())
     text = re.sub(r"^\(([^()]*)\)", r"\1", text)
-    text = re.sub(r"/\s*\(([^()]*)\)", lambda found: "/" + re.sub(r"\s*[* ]\s*", "/", found[1].strip()), text)
+    text = re.sub(r"/\s*\(([^()]*)\)", lambda match: "/" + re.sub(r"\s*[* ]\s*", "/", match[1].strip()), text)
     return text if text in _CASE_SENSITIVE else _SPELLINGS.get(text.casefold(), text)
 
 
@@ -59,13 +59,13 @@ def factor_of(unit: str, units: Sequence[str]) -> tuple[float, str] | None:
     >>> factor_of("mm/N", ["m/N"]), factor_of("1/kg", ["m/N", "m/s^2/N"]), factor_of("Hz", ["m/N"])
     ((0.001, 'm/N'), (1.0, 'm/s^2/N'), None)
     """
-    for wanted in units:
-        if unit == wanted:
-            return 1.0, wanted
+    for target in units:
+        if unit == target:
+            return 1.0, target
     text = f"{unit} " if unit[:1].isdigit() else f"1 {unit}"
-    for wanted in units:
+    for target in units:
         try:
-            return to_si("table", "unit", text, wanted), wanted
+            return to_si("table", "unit", text, target), target
         except ValueError:
             continue
     return None
