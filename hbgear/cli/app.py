@@ -170,7 +170,7 @@ def main(args: Sequence[str] | None = None) -> None:
     with sigterm_like_ctrl_c(), warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # of libraries: users of a command cannot act on them
         warnings.showwarning = lambda message, *_, **__: print_message("warning", message)
-        code = _exit_code_of_output(_run(list(sys.argv[1:] if args is None else args) or ["--help"]))
+        code = _output_exit_code(_run(list(sys.argv[1:] if args is None else args) or ["--help"]))
         atexit.register(_ignore_interrupts)  # registered last, so that it runs first
         sys.exit(code)
 
@@ -180,7 +180,7 @@ def _ignore_interrupts() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
-def _exit_code_of_output(code: int) -> int:
+def _output_exit_code(code: int) -> int:
     """Return the exit code: 2 if the output could not be written."""
     if STDOUT_CLOSED and code != BAD_INPUT:
         return _report_unwritable("standard output is closed")
@@ -209,7 +209,7 @@ def _is_unwritable() -> bool:
     return False
 
 
-def _text_of(error: Exception) -> object:
+def _error_text(error: Exception) -> object:
     """Return the message of an error; errors of the operating system and of libraries have no number."""
     if isinstance(error, KeyError):
         return error.args[0]
@@ -235,10 +235,10 @@ def _run(args: list[str]) -> int:
             raise KeyboardInterrupt
         return code
     except (ValueError, KeyError, OSError, hb.NoConvergence) as error:
-        of_stream = isinstance(error, OSError) and error.errno is not None and error.filename is None
-        if of_stream and not isinstance(error, CannotWrite) and _is_unwritable():
+        is_stream_error = isinstance(error, OSError) and error.errno is not None and error.filename is None
+        if is_stream_error and not isinstance(error, CannotWrite) and _is_unwritable():
             return _report_unwritable(getattr(error, "strerror", None))
-        for problem in getattr(error, "problems", [_text_of(error)]):
+        for problem in getattr(error, "problems", [_error_text(error)]):
             print_message("error", problem)
         return BAD_INPUT
     except (KeyboardInterrupt, typer.Abort):  # nothing to keep, or the user refused to continue
@@ -385,12 +385,12 @@ def trace(
         problem = problem_of(
             machine, harmonics, nu=nu, samples=samples, sampled=sampled, tolerance=tolerance, orders=orders or None
         )
-    parameter, span, held = path_of(machine, within, first, last, at, known=point is not None)
+    parameter, span, fixed = path_of(machine, within, first, last, at, has_start=point is not None)
     if point is not None:  # otherwise its parameter values would override those of --set
-        held = {name: value for name, value in problem.parameters.items() if name != parameter} | held
+        fixed = {name: value for name, value in problem.parameters.items() if name != parameter} | fixed
     problem.check_parameter(parameter)
-    which = element_of(element)
-    check_shown(problem, measure, which)
+    element_id = element_of(element)
+    check_shown(problem, measure, element_id)
 
     started = time.perf_counter()
     try:
@@ -399,7 +399,7 @@ def trace(
             parameter,
             span,
             start=point,
-            at=held,
+            at=fixed,
             stability=stability,
             steps=hb.StepControl(max_points=max_points, predictor_points=predictor_points),
             accuracy=accuracy or None,
@@ -409,13 +409,13 @@ def trace(
         print_message("error", "interrupted before the first point or after the last; nothing was kept")
         raise typer.Exit(STOPPED_EARLY) from None
     seconds = time.perf_counter() - started
-    branch, done = with_landings(landing, branch)
+    branch, is_complete = with_landings(landing, branch)
     with outputs() as out:
         out.branch(output, branch)
-        out.figure(plot, lambda drawing: drawing.response(branch, measure, which, dimensionless=dimensionless))
+        out.figure(plot, lambda drawing: drawing.response(branch, measure, element_id, dimensionless=dimensionless))
         print_text(f"{model}: {len(branch)} points in {seconds:.1f} s; {message_of(branch, dimensionless)}")
-        show_all_branches(branch, measure, which, dimensionless=dimensionless)
-    raise typer.Exit(exit_code(branch) if done else STOPPED_EARLY)
+        show_all_branches(branch, measure, element_id, dimensionless=dimensionless)
+    raise typer.Exit(exit_code(branch) if is_complete else STOPPED_EARLY)
 
 
 @app.command()
@@ -461,22 +461,24 @@ def extend(
     """
     for path, allowed in ((output, BRANCHES), (plot, FIGURES)):
         check_writable(path, allowed)
-    branch, which, measure = loaded(file, measure, element, dimensionless)
+    branch, element_id, measure = loaded(file, measure, element, dimensionless)
     branch = dataclasses.replace(branch, problem=problem_in(branch, model))
     problem = problem_in(branch, model, harmonics, samples)
     span = longer_span(branch, within, first, last)
     with bar(branch.parameter) as progress:
         steps = hb.StepControl(max_points=max_points)
         try:
-            whole = hb.extend(branch, span, problem=problem, steps=steps, progress=progress)
+            extended = hb.extend(branch, span, problem=problem, steps=steps, progress=progress)
         except ValueError as error:
             raise ValueError(in_speeds(branch, str(error), dimensionless)) from None
     with outputs() as out:
-        out.branch(output, whole)
-        out.figure(plot, lambda drawing: drawing.response(whole, measure, which, dimensionless=dimensionless))
-        print_text(f"{file}: {len(branch)} points, {len(whole) - len(branch)} more; {message_of(whole, dimensionless)}")
-        show_all_branches(whole, measure, which, dimensionless=dimensionless)
-    raise typer.Exit(exit_code(whole))
+        out.branch(output, extended)
+        out.figure(plot, lambda drawing: drawing.response(extended, measure, element_id, dimensionless=dimensionless))
+        print_text(
+            f"{file}: {len(branch)} points, {len(extended) - len(branch)} more; {message_of(extended, dimensionless)}"
+        )
+        show_all_branches(extended, measure, element_id, dimensionless=dimensionless)
+    raise typer.Exit(exit_code(extended))
 
 
 @app.command()
@@ -484,10 +486,10 @@ def info(
     file: File, measure: ShownMeasure = None, element: Element = "0", dimensionless: Dimensionless = False
 ) -> None:
     """Summarise a saved curve: model, status, special points, jumps and accuracy."""
-    branch, which, measure = loaded(file, measure, element, dimensionless)
+    branch, element_id, measure = loaded(file, measure, element, dimensionless)
     rows = [[name, text] for name, text in summary_facts(branch, measure, dimensionless) if text]
     print_table(["", str(file)], rows)
-    show_all_branches(branch, measure, which, dimensionless=dimensionless)
+    show_all_branches(branch, measure, element_id, dimensionless=dimensionless)
 
 
 @app.command()
@@ -513,21 +515,23 @@ def jumps(
     on motions of twice the period. Exit codes: 0 done, 2 bad input, 3 interrupted.
     """
     check_landing(landing)
-    branch, which, measure = loaded(file, measure, element, dimensionless)
-    others = [hb.load(path) for path in other_branches or ()]
+    branch, element_id, measure = loaded(file, measure, element, dimensionless)
+    other_curves = [hb.load(path) for path in other_branches or ()]
     problem = problem_in(branch, model) if landing == "integrate" and branch.jumps() else None
-    branch, done = with_landings(landing, branch, problem, others)
+    branch, is_complete = with_landings(landing, branch, problem, other_curves)
     if doublings is not None:
         branch = dataclasses.replace(branch, problem=problem_in(branch, model))
         for direction in ("up", "down"):
-            show_path(hb.analysis.run_up(branch, direction, others, doublings), measure, which, dimensionless)
-        raise typer.Exit(0 if done else STOPPED_EARLY)
-    if others:
+            show_path(
+                hb.analysis.run_up(branch, direction, other_curves, doublings), measure, element_id, dimensionless
+            )
+        raise typer.Exit(0 if is_complete else STOPPED_EARLY)
+    if other_curves:
         names = [f"branch {i + 2}" for i in range(len(branch.others))] + [path.name for path in other_branches or ()]
-        show_jumps(branch, measure, which, [*branch.others, *others], names, dimensionless)
+        show_jumps(branch, measure, element_id, [*branch.others, *other_curves], names, dimensionless)
     else:
-        show_all_branches(branch, measure, which, show_jumps, dimensionless)
-    raise typer.Exit(0 if done else STOPPED_EARLY)
+        show_all_branches(branch, measure, element_id, show_jumps, dimensionless)
+    raise typer.Exit(0 if is_complete else STOPPED_EARLY)
 
 
 @app.command(name="plot")
@@ -557,19 +561,19 @@ def plot_command(
     """Draw a saved curve, or the time history, phase diagram and spectrum of one of its points."""
     if style not in STYLES:
         raise ValueError(f"--style {style}: choose {' or '.join(STYLES)}")
-    others = [hb.load(each) for each in also or ()]
-    measure = measure or ("pp2" if any(kind_of(each) != "periodic" for each in others) else None)
-    branch, which, measure = loaded(file, measure, element, dimensionless)
+    other_curves = [hb.load(x) for x in also or ()]
+    measure = measure or ("pp2" if any(kind_of(x) != "periodic" for x in other_curves) else None)
+    branch, element_id, measure = loaded(file, measure, element, dimensionless)
     chosen = None if point is None else point_of(branch, point)
     name = file.stem if point is None else f"{file.stem}_{re.sub('[^A-Za-z0-9.]', '_', point)}"
     path = output or file.with_name(f"{name}.png")
     check_writable(path, FIGURES)
     with outputs() as out:
         if chosen is None:
-            out.figure(path, lambda drawing: drawing.responses([branch, *others], measure, which,
+            out.figure(path, lambda drawing: drawing.responses([branch, *other_curves], measure, element_id,
                                                                dimensionless=dimensionless), style)  # fmt: skip
         else:
-            out.figure(path, lambda drawing: drawing.portrait(chosen, which, model_of(branch),
+            out.figure(path, lambda drawing: drawing.portrait(chosen, element_id, model_of(branch),
                                                               dimensionless=dimensionless), style)  # fmt: skip
             names, texts = position_headers(branch, dimensionless), position_texts(branch, chosen, dimensionless)
             print_text("point at " + ", ".join(f"{name} = {text}" for name, text in zip(names, texts, strict=True)))
@@ -578,14 +582,14 @@ def plot_command(
 def _group_commands() -> None:
     """Sort the commands by their headings in the help."""
     order = [(name, heading) for heading, names in COMMAND_GROUPS.items() for name in names]
-    place = {name: i for i, (name, _) in enumerate(order)}
+    position = {name: i for i, (name, _) in enumerate(order)}
 
-    def name_of(info: CommandInfo) -> str:
+    def command_name(info: CommandInfo) -> str:
         return info.name or info.callback.__name__  # type: ignore[union-attr]
 
-    app.registered_commands.sort(key=lambda info: place[name_of(info)])
+    app.registered_commands.sort(key=lambda info: position[command_name(info)])
     for info in app.registered_commands:
-        info.rich_help_panel = order[place[name_of(info)]][1]
+        info.rich_help_panel = order[position[command_name(info)]][1]
 
 
 _group_commands()

@@ -58,7 +58,7 @@ def discard_unwritable(stream: Any) -> None:
 
 
 @contextmanager
-def bar(what: str) -> Iterator[ProgressCallback | None]:
+def bar(description: str) -> Iterator[ProgressCallback | None]:
     """Show progress on a terminal: a bar where the fraction is known, the elapsed time and a text."""
     if not sys.stderr.isatty():
         yield None
@@ -69,18 +69,20 @@ def bar(what: str) -> Iterator[ProgressCallback | None]:
 
     columns = TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TextColumn("{task.fields[text]}")
     with Display(*columns, console=Console(stderr=True), transient=True) as display:
-        task = display.add_task(what, total=None, text="")
+        task = display.add_task(description, total=None, text="")
 
-        def show(now: Progress) -> None:
-            known = not math.isnan(now.done)
-            display.update(task, total=1.0 if known else None, completed=now.done if known else 0.0, text=now.text)
+        def show(progress: Progress) -> None:
+            is_known = not math.isnan(progress.done)
+            display.update(
+                task, total=1.0 if is_known else None, completed=progress.done if is_known else 0.0, text=progress.text
+            )
 
         yield show
 
 
 def exit_code(branch: hb.Branch) -> int:
     """Return 0 if this curve and all others of its span were traced to their ends, else 3."""
-    return 0 if all(one.status.complete for one in branch.curves) else STOPPED_EARLY
+    return 0 if all(curve.status.complete for curve in branch.curves) else STOPPED_EARLY
 
 
 def finish(result: Any, *parts: Any) -> None:
@@ -93,7 +95,7 @@ def finish(result: Any, *parts: Any) -> None:
     """
     if not result.status.complete:
         print_message("stopped early", result.message)
-    raise typer.Exit(0 if all(one.status.complete for one in (result, *parts)) else STOPPED_EARLY)
+    raise typer.Exit(0 if all(x.status.complete for x in (result, *parts)) else STOPPED_EARLY)
 
 
 def print_text_table(table: Table) -> None:
@@ -106,7 +108,7 @@ def print_text_table(table: Table) -> None:
 def print_table(headers: list[str], rows: list[list[str]], title: str = "") -> None:
     """Print a table of texts; on a terminal that is too narrow, one line for each cell."""
     width = shutil.get_terminal_size().columns
-    if sys.stdout.isatty() and _least_width(headers, rows) > width:
+    if sys.stdout.isatty() and _smallest_width(headers, rows) > width:
         print(listed(headers, rows, title, width))
     else:
         print_text_table(table_of(headers, rows, title))
@@ -115,7 +117,7 @@ def print_table(headers: list[str], rows: list[list[str]], title: str = "") -> N
 _COLUMN_MARGIN = 3  # characters around a column of a table
 
 
-def _least_width(headers: list[str], rows: list[list[str]]) -> int:
+def _smallest_width(headers: list[str], rows: list[list[str]]) -> int:
     """Return the characters that a table needs: whole cells, and whole words in its last column."""
     columns = list(zip(headers, *rows, strict=True))
     widths = [max(len(line) for cell in column for line in cell.splitlines() or [""]) for column in columns[:-1]]
@@ -139,8 +141,8 @@ def listed(headers: list[str], rows: list[list[str]], title: str, width: int) ->
     for row in rows:
         lines += [""] if lines else []
         for header, cell in zip(headers, row, strict=True):
-            first, *rest = cell.splitlines() or [""]
-            for text in (f"{header}: {first}" if header else first, *(f"  {part}" for part in rest)):
+            first, *others = cell.splitlines() or [""]
+            for text in (f"{header}: {first}" if header else first, *(f"  {part}" for part in others)):
                 lines += textwrap.wrap(text, width, subsequent_indent="  ", break_long_words=False,
                                        break_on_hyphens=False) or [""]  # fmt: skip
     return "\n".join(lines)
@@ -224,7 +226,7 @@ def show_path(run: hb.analysis.RunUp, measure: str | None, element: int | str, d
     """Print the sections of the path of a slow sweep, and where it jumps."""
     first = run.sections[0].branch
     height = Ordinate(measure or usual_measure(first, dimensionless), element, dimensionless=dimensionless)
-    across, jumps, rows = Abscissa([first], dimensionless), list(run.jumps), []
+    abscissa, jumps, rows = Abscissa([first], dimensionless), list(run.jumps), []
     for number, section in enumerate(run.sections):
         branch, last = height.prepared(section.branch), int(section.points[-1])
         end, after = branch[last], ""
@@ -236,12 +238,12 @@ def show_path(run: hb.analysis.RunUp, measure: str | None, element: int | str, d
                 after += f" to {size_text(jump.after, height, height.prepared(following.branch))}"
         layout = branch.layout
         values = (section.values[0], end.parameters[run.parameter])
-        rows.append([*(f"{across.scale * value:.6g}" for value in values), str(getattr(layout, "nu", 1)),
+        rows.append([*(f"{abscissa.scale * value:.6g}" for value in values), str(getattr(layout, "nu", 1)),
                      size_text(end, height, branch), after])  # fmt: skip
-    name = "pinion r/min" if across.label == SPEED_LABEL else run.parameter
-    way = "increasing" if run.direction == "up" else "decreasing"
+    name = "pinion r/min" if abscissa.label == SPEED_LABEL else run.parameter
+    direction = "increasing" if run.direction == "up" else "decreasing"
     headers = [f"from {name}", "to", "period", f"{height.header(first)} at the end", ""]
-    print_table(headers, rows, f"path of a slow sweep, {way}")
+    print_table(headers, rows, f"path of a slow sweep, {direction}")
     print_text(in_speeds(first, run.message, dimensionless))
 
 
@@ -261,7 +263,7 @@ def ranges_of(cls: type[hb.mechanics.Model]) -> str:
     names: dict[str, list[str]] = {}
     for name, allowed in cls.ranges.items():
         names.setdefault(str(allowed), []).append(name)
-    return "; ".join(f"{', '.join(each)} must {need}" for need, each in names.items())
+    return "; ".join(f"{', '.join(parameters)} must {need}" for need, parameters in names.items())
 
 
 def equation_of(cls: type) -> str:

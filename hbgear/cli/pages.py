@@ -66,16 +66,16 @@ def report(
     check_installed()
     branches = [hb.load(file) for file in files]
     checks = []
-    for branch in (each for each in branches if validate and kind_of(each) == "periodic"):
-        known = dataclasses.replace(branch, problem=problem_in(branch, model))
+    for branch in (x for x in branches if validate and kind_of(x) == "periodic"):
+        with_problem = dataclasses.replace(branch, problem=problem_in(branch, model))
         with bar("points") as progress:
-            checks.append(hb.validate(known, validate, progress=progress))
+            checks.append(hb.validate(with_problem, validate, progress=progress))
     names = [file.stem for file in files] if len(files) > 1 else None
-    made = hb.report(
+    page = hb.report(
         branches, title=title, names=names, validation=checks, measured=measured or (), studies=study or ()
     )
     with outputs() as out:
-        out.write(output, made.save)
+        out.write(output, page.save)
     if not all(check.complete for check in checks):
         raise typer.Exit(STOPPED_EARLY)
 
@@ -131,7 +131,7 @@ def explore(
 
 
 def explored(
-    what: str, changes: list[str] | None, own: str | None, allow_code: bool = False
+    what: str, changes: list[str] | None, model_class_name: str | None, allow_code: bool = False
 ) -> tuple[EditableModel, tuple[float, float], int, hb.Branch | None]:
     """Return the model or machine to explore, its span and harmonics at the start, and the curve of a file."""
     from hbgear.design.studies.samples import Grid
@@ -143,11 +143,13 @@ def explored(
         if changes:
             raise ValueError("--set: the curve defines the values; change them on the page")
         branch = hb.load(what)
-        problem = model_registry.rebuild_problem(branch.meta, class_of(own))
+        problem = model_registry.rebuild_problem(branch.meta, class_of(model_class_name))
         if branch.parameter != "Omega" or branch.tracked:
             raise ValueError(f"'{what}' is a curve in {branch.parameter}; the explorer draws curves in Omega")
         machine = problem.model.at(branch.fixed)
-        name = own or next((name for name, each in model_registry.MODELS.items() if each is type(machine)), "")
+        name = model_class_name or next(
+            (name for name, cls in model_registry.MODELS.items() if cls is type(machine)), ""
+        )
         layout = layout_of(branch)
         ends = branch.meta.get("trace", {}).get("span") or (branch.values[0], branch.values[-1])
         return (
@@ -159,7 +161,7 @@ def explored(
     if what.endswith(".toml"):
         if is_study(what):
             study = read_study(what, allow_code)
-            name = next((name for name, each in model_registry.MODELS.items() if each is type(study.model)), "")
+            name = next((name for name, cls in model_registry.MODELS.items() if cls is type(study.model)), "")
             first = study.model.replace(**next(study.vary.rows())) if isinstance(study.vary, Grid) else study.model
             return EditableInstance(first, name), study.work.span, study.work.harmonics, None
         machine_file = read_machine(what)

@@ -24,14 +24,14 @@ _NOT_PARAMETERS = ("Omega", "amplitude")
 """Labels of a model that belong to no parameter."""
 
 
-def number_of(what: str, text: str) -> float:
-    """Convert a text to a finite number; ``what`` names it in errors."""
+def number_of(option: str, text: str) -> float:
+    """Convert a text to a finite number; ``option`` names it in errors."""
     try:
         value = float(text)
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise ValueError(f"{what}={text}: need a finite number")
+        raise ValueError(f"{option}={text}: need a finite number")
     return value
 
 
@@ -78,8 +78,8 @@ def parameter_value(labels: Mapping[str, str], option: str, name: str, text: str
     if is_number(text) or not re.search(r"[^\W\d_]", text) or not known_unit(unit):
         return number_of(f"{option} {name}", text)
     if not unit:
-        why = f": {name} has no unit" if re.search(r"\d\s*[A-Za-z]", text) else ""
-        raise ValueError(f"{option} {name}={text}: need a finite number{why}")
+        reason = f": {name} has no unit" if re.search(r"\d\s*[A-Za-z]", text) else ""
+        raise ValueError(f"{option} {name}={text}: need a finite number{reason}")
     return to_si(option, name, text, unit)
 
 
@@ -97,15 +97,15 @@ def named(name: str) -> str:
 
 def check_parameter(model: hb.mechanics.Model, name: str) -> None:
     """Raise KeyError for a name that is no parameter of a model."""
-    known = model.parameters | model.entries
-    if name != "Omega" and name not in known:
+    allowed = model.parameters | model.entries
+    if name != "Omega" and name not in allowed:
         kind = type(model).__name__
-        raise KeyError(f"{kind} has no parameter '{name}'{did_you_mean(name, known)}")
+        raise KeyError(f"{kind} has no parameter '{name}'{did_you_mean(name, allowed)}")
 
 
 def changes_of(model: hb.mechanics.Model, pairs: list[tuple[str, str]]) -> dict[str, Any] | None:
     """Return changed parameters of a model whose parameters are no fields; None if a name is another field."""
-    known = {*model.parameters, *model.entries, *(name for name in model.labels if name not in _NOT_PARAMETERS)}
-    if any(name not in known for name, _ in pairs):
+    allowed = {*model.parameters, *model.entries, *(name for name in model.labels if name not in _NOT_PARAMETERS)}
+    if any(name not in allowed for name, _ in pairs):
         return None
     return {name: parameter_value(model.labels, "--set", name, text) for name, text in pairs}

@@ -74,19 +74,19 @@ def range_of(
             f"--in {text}: need its range too, such as --in {name or 'zeta'}={example} (--from and --to are in Omega)"
         )
     labels = {} if model is None else model.labels
-    ends_of = [parameter_value(labels, "--in", name, text) for text in (low, high)]
-    return name, (ends_of[0], ends_of[1])
+    bounds = [parameter_value(labels, "--in", name, text) for text in (low, high)]
+    return name, (bounds[0], bounds[1])
 
 
 def path_of(
     model: hb.mechanics.Model, within: str | None, first: str | None, last: str | None, at: list[str] | None,
-    known: bool = False,
+    has_start: bool = False,
 ) -> tuple[str, tuple[float, float], dict[str, float]]:  # fmt: skip
     """Return the continuation parameter, its span and the fixed parameters.
 
-    The parameter is Omega, or that of --in; then Omega must be fixed by --at or ``known`` from a starting point.
+    The parameter is Omega, or that of --in; then Omega must be fixed by --at or a starting point (``has_start``).
     """
-    held = {named(name): value_in_model(model, "--at", name, text) for name, text in assignments("--at", at or [])}
+    fixed = {named(name): value_in_model(model, "--at", name, text) for name, text in assignments("--at", at or [])}
     if within is None:
         parameter, span = "Omega", span_of(model, first, last)
     else:
@@ -95,33 +95,33 @@ def path_of(
             raise ValueError(
                 f"--in {within}: {parameter} is the continuation parameter; omit --from and --to, which are in Omega"
             )
-    if parameter in held:
+    if parameter in fixed:
         instead = "--from and --to" if parameter == "Omega" else f"--set {parameter} or --in {parameter} alone"
         raise ValueError(f"--at {parameter}: {parameter} is the continuation parameter; use {instead}")
-    if parameter != "Omega" and not known and "Omega" not in held:
+    if parameter != "Omega" and not has_start and "Omega" not in fixed:
         raise ValueError(f"--in {parameter}=...: a fixed frequency is required: --at Omega=0.9")
-    return parameter, span, held
+    return parameter, span, fixed
 
 
-def value_of(what: str, text: str, kind: Any) -> Any:
-    """Convert a text to the type of a field; ``what`` names it in errors."""
+def value_of(option: str, text: str, kind: Any) -> Any:
+    """Convert a text to the type of a field; ``option`` names it in errors."""
     if kind is bool:
         if text.lower() not in ("true", "false"):
-            raise ValueError(f"{what}={text}: need true or false")
+            raise ValueError(f"{option}={text}: need true or false")
         return text.lower() == "true"
     if kind is int:
         try:
             return int(text)
         except ValueError:
-            raise ValueError(f"{what}={text}: need a whole number") from None
+            raise ValueError(f"{option}={text}: need a whole number") from None
     if kind is float:
-        return number_of(what, text)
+        return number_of(option, text)
     if typing.get_origin(kind) is tuple:
         inner = text.strip("()[] ").removesuffix(",").strip()
-        parts = re.split(r"\s*,\s*|\s+", inner) if inner else []
-        if "" in parts:
-            raise ValueError(f"{what}={text}: a number is missing between two commas")
-        return tuple(number_of(what, part) for part in parts)
+        words = re.split(r"\s*,\s*|\s+", inner) if inner else []
+        if "" in words:
+            raise ValueError(f"{option}={text}: a number is missing between two commas")
+        return tuple(number_of(option, word) for word in words)
     return text
 
 
@@ -132,11 +132,11 @@ def loaded(
 
     An unknown measure or element is refused before anything is printed.
     """
-    branch, which = hb.load(file), element_of(element)
-    chosen = measure or usual_measure(branch, dimensionless)
-    height = Ordinate(chosen, which, dimensionless=dimensionless)
+    branch, element_id = hb.load(file), element_of(element)
+    quantity = measure or usual_measure(branch, dimensionless)
+    height = Ordinate(quantity, element_id, dimensionless=dimensionless)
     height.at(height.prepared(branch)[0], branch)
-    return branch, which, chosen
+    return branch, element_id, quantity
 
 
 def check_shown(problem: hb.HarmonicBalance, measure: str | None, element: int | str) -> None:
@@ -153,7 +153,7 @@ def check_landing(landing: str) -> None:
 
 
 def with_landings(
-    landing: str, branch: hb.Branch, problem: Any = None, others: Sequence[hb.Branch] = ()
+    landing: str, branch: hb.Branch, problem: Any = None, other_curves: Sequence[hb.Branch] = ()
 ) -> tuple[hb.Branch, bool]:
     """Return the branch with landings as --landing requires, and True; unchanged with False after Ctrl-C or errors."""
     if landing == "nearest" or not branch.jumps():
@@ -162,7 +162,7 @@ def with_landings(
 
     try:
         with bar("jumps") as progress:
-            return integrate_jumps(branch, others, problem=problem, progress=progress), True
+            return integrate_jumps(branch, other_curves, problem=problem, progress=progress), True
     except (KeyboardInterrupt, ValueError, ArithmeticError) as error:
         reason = "interrupted" if isinstance(error, KeyboardInterrupt) else f"jumps cannot be integrated: {error}"
         print_message("error", f"{reason}; the nearest motions are shown as landings")
@@ -213,9 +213,9 @@ def metadata_with(meta: dict[str, Any], harmonics: str | None, samples: int | No
 
 def start_of(text: str) -> tuple[hb.Branch, hb.Point]:
     """Return a saved curve and its point given by --start: a label, a value of its parameter, or the last point."""
-    found = None if os.path.exists(text) else re.fullmatch(r"(.+?):((?:\d+:)?[^:]*)", text)
-    branch = hb.load(found[1] if found else text)
-    return branch, point_of(branch, found[2], "--start") if found else branch[-1]
+    match = None if os.path.exists(text) else re.fullmatch(r"(.+?):((?:\d+:)?[^:]*)", text)
+    branch = hb.load(match[1] if match else text)
+    return branch, point_of(branch, match[2], "--start") if match else branch[-1]
 
 
 def model_at(branch: hb.Branch, point: hb.Point, name: str, changes: list[str] | None) -> hb.mechanics.Model:
@@ -232,7 +232,7 @@ def changed(model: hb.mechanics.Model, changes: list[str] | None) -> hb.mechanic
     """Return a model with the values of --set: parameters with units, or fields."""
     pairs = assignments("--set", changes or [])
     values = changes_of(model, pairs)
-    if values is None and isinstance(type(model).parameters, property) and not _has_own_names(model):
+    if values is None and isinstance(type(model).parameters, property) and not _has_parameters_without_field(model):
         values = fields_of(type(model), changes or [])
     if values is None:
         for name, _ in pairs:
@@ -240,14 +240,14 @@ def changed(model: hb.mechanics.Model, changes: list[str] | None) -> hb.mechanic
     return model.replace(**(values or {}))
 
 
-def _has_own_names(model: hb.mechanics.Model) -> bool:
+def _has_parameters_without_field(model: hb.mechanics.Model) -> bool:
     """Return whether parameters of a model are no fields of its class."""
     return any(name not in kinds_of(type(model)) for name in model.parameters)
 
 
-def label_on_curve(number: int, one: hb.SpecialPoint | hb.Jump | Any) -> str:
+def label_on_curve(number: int, point: hb.SpecialPoint | hb.Jump | Any) -> str:
     """Return the label of a point or jump of a curve of a file, the first one with number 1: ``LP1`` or ``2:LP1``."""
-    return str(one.label) if number == 1 else f"{number}:{one.label}"
+    return str(point.label) if number == 1 else f"{number}:{point.label}"
 
 
 def numbered(branch: hb.Branch, text: str, option: str = "LABEL") -> tuple[int, str]:
@@ -263,7 +263,7 @@ def numbered(branch: hb.Branch, text: str, option: str = "LABEL") -> tuple[int, 
     curves = branch.curves
     before, after = re.fullmatch(r"(\d+):(.+)", text), re.fullmatch(r"(.+) \((\d+)\)", text)
     if before is None and after is None:
-        owners = [n for n, one in enumerate(curves, 1) if any(point.label == text for point in one.special)]
+        owners = [n for n, curve in enumerate(curves, 1) if any(point.label == text for point in curve.special)]
         if owners and owners[0] > 1:
             raise ValueError(f"{option} {text}: curve 1 of the file has no such point; curve {owners[0]} has: "
                              f"{owners[0]}:{text}")  # fmt: skip
@@ -295,8 +295,8 @@ def point_of(branch: hb.Branch, text: str, option: str = "--point") -> hb.Point:
         raise ValueError(
             f"{option} {text}: the curve runs from {low:.6g} to {high:.6g} in {branch.parameter}; choose there"
         )
-    near = [crossing.nearest for crossing in crossings_at(branch, value)] or [0]  # of a single point
-    return branch[min(near, key=lambda i: branch[i].stable is not True)]
+    indices = [crossing.nearest for crossing in crossings_at(branch, value)] or [0]  # of a single point
+    return branch[min(indices, key=lambda i: branch[i].stable is not True)]
 
 
 def chosen_model(name: str, changes: list[str] | None) -> hb.mechanics.Model:
@@ -343,6 +343,6 @@ def harmonics_of(text: str) -> int | str:
 
 def traced(problem: hb.HarmonicBalance, parameter: str, span: tuple[float, float], **options: Any) -> hb.Branch:
     """Trace a curve with a progress bar."""
-    other_branches = compile_in_parallel(problem) if options.get("stability", True) else nullcontext()
-    with bar(parameter) as progress, other_branches:
+    compilation = compile_in_parallel(problem) if options.get("stability", True) else nullcontext()
+    with bar(parameter) as progress, compilation:
         return hb.trace(problem, parameter, span, progress=progress, **options)

@@ -60,9 +60,9 @@ def alternative_results(
     The curve is reused if the model differs in scales only, and no range is given.
     """
     assert changed.scales is not None
-    same = speeds is None and hasattr(changed, "reference") and changed.replace(
+    is_reusable = speeds is None and hasattr(changed, "reference") and changed.replace(
         reference=getattr(model, "reference", ())) == model  # fmt: skip
-    if not same:
+    if not is_reusable:
         problem, unit = hb.HarmonicBalance(changed, count), float(changed.scales.pinion_speed(1.0))
         span = changed.default_span if speeds is None else (speeds[0] / unit, speeds[1] / unit)
         curve = hb.trace(problem, "Omega", span, steps=LONG_STEPS, accuracy=None,
@@ -95,29 +95,32 @@ def alternatives(model: DrawnPair, by_default: bool = False) -> Iterator[tuple[s
 
     zeta, pair = model.damping, model.pair
 
-    def made(**changes: Any) -> Callable[[], DrawnPair]:
+    def with_changes(**changes: Any) -> Callable[[], DrawnPair]:
         return partial(dataclasses.replace, model, units=(), **changes)
 
-    def paired(**changes: Any) -> Callable[[], DrawnPair]:
-        return made(pair=dataclasses.replace(pair, **changes))
+    def with_pair_changes(**changes: Any) -> Callable[[], DrawnPair]:
+        return with_changes(pair=dataclasses.replace(pair, **changes))
 
     origin = "assumed" if by_default else "given"
     for factor in (0.5, 1.5):
         if zeta and zeta * factor <= 1:
-            yield f"damping {zeta:g} ({origin}): {zeta * factor:g}", made(damping=zeta * factor)
-    pitch = max(deviations(one, ACCURACY_GRADE)[0] for one in (pair.pinion, pair.wheel) if not one.rack)
+            yield f"damping {zeta:g} ({origin}): {zeta * factor:g}", with_changes(damping=zeta * factor)
+    pitch = max(deviations(gear, ACCURACY_GRADE)[0] for gear in (pair.pinion, pair.wheel) if not gear.rack)
     if model.cycle is None and not pair.pitch_error:
-        yield f"no pitch error: {pitch * 1e6:.3g} um (grade {ACCURACY_GRADE})", paired(pitch_error=pitch)
+        yield f"no pitch error: {pitch * 1e6:.3g} um (grade {ACCURACY_GRADE})", with_pair_changes(pitch_error=pitch)
     if model.cycle is None and not pair.pinion.tip_relief:
         relieved = {name: dataclasses.replace(getattr(pair, name), tip_relief=10e-6) for name in ("pinion", "wheel")}
-        yield NO_RELIEF, paired(**relieved)
+        yield NO_RELIEF, with_pair_changes(**relieved)
     lighter = {name: _lighter(getattr(pair, name), 0.8) for name in ("pinion", "wheel")}
     solid = pair.pinion.inertia is None and pair.wheel.inertia is None
-    yield f"{'solid gears without other inertia' if solid else 'inertia'}: inertia 20 % less", paired(**lighter)
-    used = model.mesh or MESHES[0]
+    yield (
+        f"{'solid gears without other inertia' if solid else 'inertia'}: inertia 20 % less",
+        with_pair_changes(**lighter),
+    )
+    current = model.mesh or MESHES[0]
     for name in MESHES if model.cycle is None and not model.friction else ():  # the mean-mesh models have no friction
-        if name != used:
-            yield f"{_MESH_WORDS[used]}: {_MESH_WORDS[name]}", made(mesh=name)
+        if name != current:
+            yield f"{_MESH_WORDS[current]}: {_MESH_WORDS[name]}", with_changes(mesh=name)
 
 
 def _lighter(gear: hb.gears.Gear, factor: float) -> hb.gears.Gear:
@@ -144,12 +147,12 @@ def show_assumptions(model: DrawnPair, curve: hb.Branch, count: int | str, span:
     assert model.scales is not None
     low, high = (float(model.scales.pinion_speed(end)) for end in span)
 
-    def row(one: tuple[str, Callable[[], DrawnPair]], stop: Event) -> list[str]:
-        name, changed = one
+    def row(assumption: tuple[str, Callable[[], DrawnPair]], stop: Event) -> list[str]:
+        name, changed = assumption
         return [name, *alternative_results(changed().equations, model.equations, curve, count, stop, (low, high))]
 
-    with begun(row, [*alternatives(model)]) as found:
-        rows = [["as computed", *factor_and_jumps(model, curve)], *(one.result() for one in found)]
+    with begun(row, [*alternatives(model)]) as results:
+        rows = [["as computed", *factor_and_jumps(model, curve)], *(future.result() for future in results)]
     print_assumptions(rows)
 
 
@@ -165,15 +168,15 @@ _MESH_WORDS = {"teeth": "mesh of tooth pairs", "secant": "one stiffness, secant"
 
 def _jump_speeds(model: hb.mechanics.Model, curve: hb.Branch) -> str:
     assert model.scales is not None
-    jumps = [jump for one in curve.curves for jump in one.jumps()]
-    found = sorted((float(model.scales.pinion_speed(jump.value)), jump.direction) for jump in jumps)
-    return ", ".join(f"{rpm:.0f}{'+' if direction > 0 else '-'}" for rpm, direction in found) or "none"
+    jumps = [jump for branch in curve.curves for jump in branch.jumps()]
+    speeds = sorted((float(model.scales.pinion_speed(jump.value)), jump.direction) for jump in jumps)
+    return ", ".join(f"{rpm:.0f}{'+' if direction > 0 else '-'}" for rpm, direction in speeds) or "none"
 
 
 def largest_factor(model: hb.mechanics.Model, curve: hb.Branch) -> str:
     """Return the largest dynamic factor of the stable points with the largest amplitudes."""
-    for one in curve.curves:
-        if one.status == hb.Status.UNBOUNDED and (one.stable is None or one.stable[-1]):
+    for branch in curve.curves:
+        if branch.status == hb.Status.UNBOUNDED and (branch.stable is None or branch.stable[-1]):
             return "unbounded"
     return rounded(max(hb.analysis.dynamic_factor(model, point) for point in largest_motions(curve)), 3)
 
@@ -184,8 +187,8 @@ def largest_motions(curve: hb.Branch) -> list[hb.Point]:
     A part that goes to infinity is left out, because its largest motion is where the curve ends.
     """
     points = []
-    for one in curve.curves:
-        size = one.amplitude("max") * (one.stable if one.stable is not None else 1.0)
-        part = bounded_points(one)
-        points += [one[part.start + int(i)] for i in np.argsort(size[part])[-FACTOR_CANDIDATES:]]
+    for branch in curve.curves:
+        size = branch.amplitude("max") * (branch.stable if branch.stable is not None else 1.0)
+        part = bounded_points(branch)
+        points += [branch[part.start + int(i)] for i in np.argsort(size[part])[-FACTOR_CANDIDATES:]]
     return points

@@ -75,51 +75,51 @@ def map_command(
     problem = problem_of(chosen_model(model, changes), harmonics)
     parameter, span = range_of(within, problem.model, first, last)
     frequencies = span_of(problem.model, first, last)
-    part = output.with_suffix(".part.npz") if output else None
+    kept = output.with_suffix(".part.npz") if output else None
     known = None
-    if part and part.exists():
-        known = read_map(part, problem, parameter, span, frequencies)
-        print(f"continuing from '{part}': {len(known.curves)} response curves, {len(known.folds)} fold curves")
+    if kept and kept.exists():
+        known = read_map(kept, problem, parameter, span, frequencies)
+        print(f"continuing from '{kept}': {len(known.curves)} response curves, {len(known.folds)} fold curves")
     with bar("map") as progress:
-        found = hb.jump_map(problem, parameter, span, frequencies=frequencies, seeds=seeds, progress=progress,
+        jump_map = hb.jump_map(problem, parameter, span, frequencies=frequencies, seeds=seeds, progress=progress,
                             known=known)  # fmt: skip
-    digits = min((digits_of(fold, 6) for fold in found.folds), default=6)
-    across = OmegaAxis.of_ends(found.folds, found.labels.get("Omega", ""), dimensionless)
+    digits = min((digits_of(fold, 6) for fold in jump_map.folds), default=6)
+    axis = OmegaAxis.of_ends(jump_map.folds, jump_map.labels.get("Omega", ""), dimensionless)
     rows = [
         [f"{arm.values[0]:.{digits}g} to {arm.values[-1]:.{digits}g}",
-         " to ".join(across.number(Omega, digits) for Omega in arm.Omega[[0, -1]]),
+         " to ".join(axis.number(Omega, digits) for Omega in arm.Omega[[0, -1]]),
          "increasing" if arm.direction > 0 else "decreasing"]
-        for arm in sorted(found.arms, key=lambda arm: arm.Omega.min())
+        for arm in sorted(jump_map.arms, key=lambda arm: arm.Omega.min())
     ]  # fmt: skip
     unit = unit_after(problem.model, parameter)
     with outputs() as out:
-        out.write(output, found.export)
-        if part and found.status is hb.Status.INTERRUPTED:
-            out.write(part, partial(save_map, found))
-            print(f"{len(found.curves)} response curves and {len(found.folds)} fold curves are kept in '{part}': the "
-                  "same command continues from there")  # fmt: skip
-        elif part:
-            part.unlink(missing_ok=True)
-        out.figure(plot, lambda drawing: drawing.jump_map(found, dimensionless=dimensionless))
-        if not rows and found.status.complete and not found.message:
+        out.write(output, jump_map.export)
+        if kept and jump_map.status is hb.Status.INTERRUPTED:
+            out.write(kept, partial(save_map, jump_map))
+            print(f"{len(jump_map.curves)} response curves and {len(jump_map.folds)} fold curves are kept in '{kept}': "
+                  "the same command continues from there")  # fmt: skip
+        elif kept:
+            kept.unlink(missing_ok=True)
+        out.figure(plot, lambda drawing: drawing.jump_map(jump_map, dimensionless=dimensionless))
+        if not rows and jump_map.status.complete and not jump_map.message:
             print(f"no jump for {parameter} between {min(span):g} and {max(span):g}{unit}")
         elif rows:
-            headers = [parameter + (f" [{unit.strip()}]" if unit else ""), across.name,
-                       f"{'speed' if across.is_speed else 'Omega'} during the jump"]  # fmt: skip
+            headers = [parameter + (f" [{unit.strip()}]" if unit else ""), axis.name,
+                       f"{'speed' if axis.is_speed else 'Omega'} during the jump"]  # fmt: skip
             print_table(headers, rows, "jump curves")
-        for cusp in found.cusps:
-            print(f"a jump vanishes at {parameter} = {text_at(cusp, parameter)}{unit}, {_where(cusp, across)}")
-        for point in (one for one in found.special if one not in found.cusps):
-            where = f"{parameter} = {text_at(point, parameter)}{unit}, {_where(point, across)}"
+        for cusp in jump_map.cusps:
+            print(f"a jump vanishes at {parameter} = {text_at(cusp, parameter)}{unit}, {_frequency_text(cusp, axis)}")
+        for point in (p for p in jump_map.special if p not in jump_map.cusps):
+            where = f"{parameter} = {text_at(point, parameter)}{unit}, {_frequency_text(point, axis)}"
             print(f"{point.meaning} ({point.label}) at {where}")
-        if found.status.complete and found.message:
-            print_message("warning", found.message)
-    finish(found)
+        if jump_map.status.complete and jump_map.message:
+            print_message("warning", jump_map.message)
+    finish(jump_map)
 
 
-def _where(point: hb.SpecialPoint, across: OmegaAxis) -> str:
+def _frequency_text(point: hb.SpecialPoint, axis: OmegaAxis) -> str:
     """Return the speed of a special point, or its Omega with the digits that are known."""
-    return across.text(point.parameters["Omega"]) if across.is_speed else f"Omega = {text_at(point, 'Omega')}"
+    return axis.text(point.parameters["Omega"]) if axis.is_speed else f"Omega = {text_at(point, 'Omega')}"
 
 
 def unit_after(model: Any, parameter: str) -> str:
@@ -163,32 +163,32 @@ def critical(
     problem = problem_of(chosen_model(model, changes), harmonics)
     problem.check_parameter(parameter)
     with bar("critical") as progress:
-        found = hb.analysis.critical_parameter(
+        result = hb.analysis.critical_parameter(
             problem, parameter, frequencies=span_of(problem.model, first, last), progress=progress
         )
-    own = problem.value_of(parameter)
-    side = "below" if found.jump_below else "above"
-    digits = digits_of(found.point)
-    across, unit = (
-        OmegaAxis.of(problem.model_at({parameter: found.value}), dimensionless),
+    model_value = problem.value_of(parameter)
+    side = "below" if result.jump_below else "above"
+    digits = digits_of(result.point)
+    axis, unit = (
+        OmegaAxis.of(problem.model_at({parameter: result.value}), dimensionless),
         unit_after(problem.model, parameter),
     )
-    print(f"{parameter} = {text_at(found.point, parameter)}{unit}: a jump exists {side} this value and vanishes at it")
-    Omega = found.point.parameters["Omega"]
-    print(f"it appears at {across.text(Omega) if across.is_speed else 'Omega = ' + text_at(found.point, 'Omega')}")
-    distance = f", {abs(found.value / own - 1):.2%} away" if own else ""
-    print(f"the model has {parameter} = {own:.6g}{unit}{distance}")
+    print(f"{parameter} = {text_at(result.point, parameter)}{unit}: a jump exists {side} this value and vanishes at it")
+    Omega = result.point.parameters["Omega"]
+    print(f"it appears at {axis.text(Omega) if axis.is_speed else 'Omega = ' + text_at(result.point, 'Omega')}")
+    distance = f", {abs(result.value / model_value - 1):.2%} away" if model_value else ""
+    print(f"the model has {parameter} = {model_value:.6g}{unit}{distance}")
 
     def axis_at(value: float) -> OmegaAxis:
         return OmegaAxis.of(problem.model_at({parameter: value}), dimensionless)
 
-    for other, Omega in found.others:
-        values = f"{parameter} = {rounded(other, digits)}{unit}, {axis_at(other).text(Omega, digits)}"
+    for other_value, Omega in result.others:
+        values = f"{parameter} = {rounded(other_value, digits)}{unit}, {axis_at(other_value).text(Omega, digits)}"
         print(f"another jump appears or vanishes at {values}")
     if derivatives or output or plot:
-        moved = hb.analysis.sensitivity(found, measure=measure, element=element_of(element))
-        show_shares(moved, problem.model.labels, quantity, max_rows, output, plot, dimensionless)
-    finish(found)
+        derivatives_of_cusp = hb.analysis.sensitivity(result, measure=measure, element=element_of(element))
+        show_shares(derivatives_of_cusp, problem.model.labels, quantity, max_rows, output, plot, dimensionless)
+    finish(result)
 
 
 def switch(
@@ -208,15 +208,15 @@ def switch(
     """Trace the branch that leaves a saved curve at a period doubling or branch point."""
     check_writable(output, BRANCHES)
     check_writable(plot, FIGURES)
-    branch, which = load_with_problem(file, model), element_of(element)
-    branch, own_label = on_curve(branch, label)
-    new = hb.switch(branch, own_label)
+    branch, element_id = load_with_problem(file, model), element_of(element)
+    branch, label_on_branch = on_curve(branch, label)
+    new = hb.switch(branch, label_on_branch)
     names = [str(file), f"from {label}"]
     with outputs() as out:
         out.branch(output, new)
-        out.figure(plot, lambda drawing: drawing.responses((branch, new), measure, which, names=names))
+        out.figure(plot, lambda drawing: drawing.responses((branch, new), measure, element_id, names=names))
         print(f"from {label} of {file}: {len(new)} points; {message_of(new)}")
-        show_branch(new, measure, which, other_branches=(branch,), names=names[:1])
+        show_branch(new, measure, element_id, other_branches=(branch,), names=names[:1])
     raise typer.Exit(exit_code(new))
 
 
@@ -244,7 +244,7 @@ def survey(
     Exit codes: 0 the end was reached, 2 bad input, 3 stopped early (results so far are shown and saved).
     """
     check_writable(plot, FIGURES)
-    machine, which = chosen_model(model, changes), element_of(element)
+    machine, element_id = chosen_model(model, changes), element_of(element)
     if folder is not None:
         if not os.path.isdir(folder):
             raise ValueError(f"there is no folder '{folder}'; create it first")
@@ -252,14 +252,17 @@ def survey(
     problem = problem_of(machine, harmonics, nu=nu)
     span = span_of(problem.model, first, last)
     with bar("survey") as progress:
-        found = hb.trace_all(problem, span, frequencies=frequencies, guesses=guesses, progress=progress)
+        survey_result = hb.trace_all(problem, span, frequencies=frequencies, guesses=guesses, progress=progress)
     with outputs() as out:
-        for number, branch in enumerate(found.branches, 1):
+        for number, branch in enumerate(survey_result.branches, 1):
             out.branch(folder / f"branch{number}.npz" if folder else None, branch)
-        out.figure(plot, lambda drawing: drawing.responses(found.branches, measure, which, dimensionless=dimensionless))
-        for number, branch in enumerate(found.branches, 1):
+        out.figure(
+            plot,
+            lambda drawing: drawing.responses(survey_result.branches, measure, element_id, dimensionless=dimensionless),
+        )
+        for number, branch in enumerate(survey_result.branches, 1):
             print(f"branch {number}: {len(branch)} points; {message_of(branch, dimensionless)}")
-            others = [i for i in range(len(found)) if i != number - 1]
-            other_branches, names = [found.branches[i] for i in others], [f"branch {i + 1}" for i in others]
-            show_branch(branch, measure, which, other_branches, names, dimensionless)
-    finish(found, *found.branches)
+            indices = [i for i in range(len(survey_result)) if i != number - 1]
+            other_branches, names = [survey_result.branches[i] for i in indices], [f"branch {i + 1}" for i in indices]
+            show_branch(branch, measure, element_id, other_branches, names, dimensionless)
+    finish(survey_result, *survey_result.branches)

@@ -26,8 +26,8 @@ def check_writable(path: Path | None, allowed: tuple[str, ...]) -> None:
     if path is None:
         return
     if path.suffix.lower() not in allowed:
-        *others, final = allowed
-        endings = f"{', '.join(others)} or {final}" if others else final
+        *first_endings, final = allowed
+        endings = f"{', '.join(first_endings)} or {final}" if first_endings else final
         raise ValueError(f"cannot write '{path}': the name must end in {endings}")
     atomic_write.check_writable(path)
 
@@ -47,17 +47,17 @@ class Outputs:
         """Call ``write`` with the path, or with a fallback, which is reported; nothing without a path."""
         if path is None:
             return
-        reason = self._tried(path, write)
+        reason = self._write_error(path, write)
         if reason is None:
             return
         self.displaced = True
-        tried = []
+        folders = []
         for folder in _fallbacks(path):
-            tried.append(f"'{folder}'")
-            if self._tried(other := _free(folder, path.name), write) is None:
-                print_message("error", f"{reason}; it is kept as '{other}' instead")
+            folders.append(f"'{folder}'")
+            if self._write_error(free_path := _free(folder, path.name), write) is None:
+                print_message("error", f"{reason}; it is kept as '{free_path}' instead")
                 return
-        print_message("error", f"{reason}; it could not be kept in {' or '.join(tried) or 'another folder'} either")
+        print_message("error", f"{reason}; it could not be kept in {' or '.join(folders) or 'another folder'} either")
 
     def branch(self, path: Path | None, branch: hb.Branch) -> None:
         """Save or export a branch by the suffix."""
@@ -67,7 +67,7 @@ class Outputs:
         """Write a figure without a window, in a style of `hbgear.plot.in_style`; ``make`` gets `hbgear.plot`."""
         self.write(path, partial(_draw, make, style))
 
-    def _tried(self, path: Path, write: Callable[[Path], object]) -> OSError | None:
+    def _write_error(self, path: Path, write: Callable[[Path], object]) -> OSError | None:
         try:
             write(path)
         except OSError as error:
@@ -117,9 +117,9 @@ def _fallbacks(path: Path) -> Iterator[Path]:
     """Yield the fallback folders."""
     for folder in (Path.cwd, tempfile.gettempdir):
         with suppress(OSError):  # the current folder was removed, or no folder for temporary files exists
-            found = Path(folder())
-            if not path.parent.is_dir() or not found.samefile(path.parent):
-                yield found
+            fallback = Path(folder())
+            if not path.parent.is_dir() or not fallback.samefile(path.parent):
+                yield fallback
 
 
 def _free(folder: Path, name: str) -> Path:

@@ -85,11 +85,11 @@ def sensitivity(
     """
     check_writable(output, (".csv",))
     check_writable(plot, FIGURES)
-    which = element_of(element)
+    element_id = element_of(element)
     branch = load_with_problem(file, model)
-    chosen = _chosen(branch, point, measure, which)
-    found = hb.analysis.sensitivity(chosen, measure=measure, element=which, multipliers=multipliers)
-    show_shares(found, branch.problem.model.labels, quantity, max_rows, output, plot, dimensionless)
+    chosen = _chosen(branch, point, measure, element_id)
+    derivatives = hb.analysis.sensitivity(chosen, measure=measure, element=element_id, multipliers=multipliers)
+    show_shares(derivatives, branch.problem.model.labels, quantity, max_rows, output, plot, dimensionless)
 
 
 def scatter(
@@ -127,9 +127,9 @@ def scatter(
         unit, length = unit or "Omega", length or ""
     with bar("scatter") as progress:
         jumps = [
-            (label_on_curve(number, one), one)
+            (label_on_curve(number, t), t)
             for number, curve in enumerate(branch.curves, 1) if curve.jumps()
-            for one in hb.design.jump_tolerance(curve, deviations, draws=draws, unit=unit, progress=progress)
+            for t in hb.design.jump_tolerance(curve, deviations, draws=draws, unit=unit, progress=progress)
         ]  # fmt: skip
         band = hb.design.response_band(
             branch, deviations, measure=measure, element=element_of(element), unit=unit, length=length
@@ -138,15 +138,15 @@ def scatter(
         out.figure(plot, lambda drawing: drawing.band(band, sigmas=sigmas))
         if jumps:
             rows = [
-                [label, "rising" if one.direction > 0 else "falling", f"{one.value:.6g}", f"{one.first:.3g}",
-                 _known(one.sampled, ".3g"), str(one.lost), *(f"{effect:+.3g}" for effect in one.effects.values())]
-                for label, one in jumps
+                [label, "rising" if t.direction > 0 else "falling", f"{t.value:.6g}", f"{t.first:.3g}",
+                 _number_or_dash(t.sampled, ".3g"), str(t.lost), *(f"{effect:+.3g}" for effect in t.effects.values())]
+                for label, t in jumps
             ]  # fmt: skip
             title = f"standard deviation of each jump: first order, {draws} draws, and contribution of each parameter"
             print_table(["jump", "sweep", jumps[0][1].unit, "+-", "drawn", "lost", *deviations], rows, title)
-            for label, one in jumps:
-                if one.lost:
-                    count = f"{one.lost} of {draws} draws"
+            for label, t in jumps:
+                if t.lost:
+                    count = f"{t.lost} of {draws} draws"
                     print(f"{label} is not found in {count}: the jump vanishes, or occurs at another kind of point")
         else:
             print("no curve of the file has jumps" if branch.others else "the curve has no jumps")
@@ -203,39 +203,39 @@ def fit(
     check_writable(output, (".npz",))
     check_writable(plot, FIGURES)
     machine = chosen_model(model, changes)
-    wanted = dict(_bounds(machine, text) for text in free.split(",") if text.strip())
+    bounds = dict(_bounds(machine, text) for text in free.split(",") if text.strip())
     measured = hb.design.read_measurements(
         data, dict(assignments("--column", column or [])), unit=unit, length=length, measure=measure,
         element=element_of(element),
     )  # fmt: skip
     with bar("fit") as progress:
-        found = hb.design.fit(problem_of(machine, harmonics), measured, wanted, starts=starts, progress=progress)
+        result = hb.design.fit(problem_of(machine, harmonics), measured, bounds, starts=starts, progress=progress)
     start = machine.parameters | machine.entries
     rows = [
         [f"{name}{bracketed(unit_of(machine.labels.get(name, '')))}", f"{start[name]:.6g}", f"{x:.6g}",
-         _known(found.errors[name], ".2g")]
-        for name, x in found.values.items()
+         _number_or_dash(result.errors[name], ".2g")]
+        for name, x in result.values.items()
     ]  # fmt: skip
     with outputs() as out:
-        out.branch(output, found.curve)
-        out.figure(plot, lambda drawing: drawing.fitted(found))
+        out.branch(output, result.curve)
+        out.figure(plot, lambda drawing: drawing.fitted(result))
         print_table(["", "start", "fitted", "+-"], rows, f"{len(measured)} points and {len(measured.jumps)} jumps")
         pairs = [
-            [f"{a}, {b}", _known(found.correlation[i, j], "+.3f")]
-            for i, a in enumerate(found.names) for j, b in enumerate(found.names[:i])
+            [f"{a}, {b}", _number_or_dash(result.correlation[i, j], "+.3f")]
+            for i, a in enumerate(result.names) for j, b in enumerate(result.names[:i])
         ]  # fmt: skip
         if pairs:
             print_table(["", "correlation"], pairs)
-        if not math.isnan(found.mean_square):
-            print(f"root mean square of the residuals: {math.sqrt(found.mean_square):.3g} deviations")
+        if not math.isnan(result.mean_square):
+            print(f"root mean square of the residuals: {math.sqrt(result.mean_square):.3g} deviations")
         if measured.assumed:
             from hbgear.design.fitting.measurements import DEFAULT_DEVIATION
 
             print_text(f"The file has no deviations: {DEFAULT_DEVIATION:.0%} of each amplitude is assumed, and the "
                        "uncertainties follow from the residuals.")  # fmt: skip
-        for warning in found.warnings:
+        for warning in result.warnings:
             print(f"warning: {warning}")
-    finish(found)
+    finish(result)
 
 
 def redesign(
@@ -277,12 +277,16 @@ def redesign(
     """
     check_writable(output, (".npz",))
     check_writable(plot, FIGURES)
-    problem, which = problem_of(chosen_model(model, changes), harmonics), element_of(element)
+    problem, element_id = problem_of(chosen_model(model, changes), harmonics), element_of(element)
     if peak is not None and margin is not None:
         raise ValueError("--margin is the distance from a jump; give --margin or --peak, not both")
-    goal = hb.design.no_jumps(margin or 0.0, margin_in) if peak is None else hb.design.peak_below(peak, measure, which)
-    parts = dict(_bounds(problem.model, text) for text in free.split(",") if text.strip())
-    within = {name: bounds for name, bounds in parts.items() if bounds is not None}
+    goal = (
+        hb.design.no_jumps(margin or 0.0, margin_in)
+        if peak is None
+        else hb.design.peak_below(peak, measure, element_id)
+    )
+    ranges = dict(_bounds(problem.model, text) for text in free.split(",") if text.strip())
+    within = {name: bounds for name, bounds in ranges.items() if bounds is not None}
     spread = {
         name: value_in_model(problem.model, "--scatter", name, text)
         for name, text in assignments("--scatter", scatter or [])
@@ -290,27 +294,29 @@ def redesign(
     span = span_of(problem.model, first, last)
     if draws and not spread:
         raise ValueError("--draws needs the scatter; give --scatter NAME=DEVIATION too")
-    drawn = (
+    sample = (
         hb.design.latin_hypercube(draws, **{name: ("normal", 0.0, s) for name, s in spread.items()}) if draws else None
     )
     with bar("redesign") as progress:
-        found = hb.design.redesign(
-            problem, goal, list(parts), within, scatter=None if draws else spread, sigmas=sigmas, tolerances=drawn,
+        result = hb.design.redesign(
+            problem, goal, list(ranges), within, scatter=None if draws else spread, sigmas=sigmas, tolerances=sample,
             share=fraction, span=span, progress=progress,
         )  # fmt: skip
-    own = problem.model.parameters | problem.model.entries
-    rows = [[name, f"{own[name]:.6g}", f"{x:.6g}", f"{found.changes[name]:+.2%}"] for name, x in found.values.items()]
+    nominal = problem.model.parameters | problem.model.entries
+    rows = [
+        [name, f"{nominal[name]:.6g}", f"{x:.6g}", f"{result.changes[name]:+.2%}"] for name, x in result.values.items()
+    ]
     with outputs() as out:
-        out.branch(output, found.curve)
-        out.figure(plot, lambda drawing: drawing.response(found.curve, measure, which))
-        print_table(["", "old", "new", "change"], rows, f"root sum of squares of the changes: {found.distance:.2%}")
+        out.branch(output, result.curve)
+        out.figure(plot, lambda drawing: drawing.response(result.curve, measure, element_id))
+        print_table(["", "old", "new", "change"], rows, f"root sum of squares of the changes: {result.distance:.2%}")
         if draws:
-            print(f"{found.share:.0%} of {draws} machines drawn from the scatter reach the goal")
-        distance = "" if math.isnan(found.short) else f" by {found.short:.2%}"
-        print("the goal is reached" if found.reached else f"the goal is missed{distance}: {found.message}")
-    if not found.status.complete:
-        finish(found)
-    raise typer.Exit(0 if found.reached else GOAL_MISSED)
+            print(f"{result.share:.0%} of {draws} machines drawn from the scatter reach the goal")
+        distance = "" if math.isnan(result.short) else f" by {result.short:.2%}"
+        print("the goal is reached" if result.reached else f"the goal is missed{distance}: {result.message}")
+    if not result.status.complete:
+        finish(result)
+    raise typer.Exit(0 if result.reached else GOAL_MISSED)
 
 
 GOAL_MISSED = 1
@@ -329,7 +335,7 @@ def _bounds(model: hb.mechanics.Model, text: str) -> tuple[str, tuple[float, flo
     return name, (value_in_model(model, "--free", name, low), value_in_model(model, "--free", name, high))
 
 
-def _known(number: float, form: str) -> str:
+def _number_or_dash(number: float, form: str) -> str:
     return "-" if math.isnan(number) else f"{number:{form}}"
 
 

@@ -144,16 +144,16 @@ def gear(
     which can also hold other inertias, centre distance, crowning and bearings.
     Exit codes: 0 the end was reached, 2 bad input, 3 stopped early.
     """
-    teeth = _pair_of("--z", z, int, "25,40")
+    teeth = _two_values("--z", z, int, "25,40")
     plot = plot or Path(f"gear-{teeth[0]}-{abs(teeth[1])}.png")
     check_writable(output, (".toml",))
     check_writable(plot, FIGURES)
     machine = _machine(
         teeth, module, width, torque, backlash, damping or str(DEFAULT_DAMPING), helix, pressure,
-        _pair_of("--shift", shift, float, "0.2,0"), relief, measure, mesh,
+        _two_values("--shift", shift, float, "0.2,0"), relief, measure, mesh,
         torque_orders, friction, runout, rack,
     )  # fmt: skip
-    with in_terms_of_the_machine():
+    with without_contact_warning():
         curve = _trace_and_report(machine, harmonics_of(harmonics), damping is None, output, plot, dimensionless)
     raise typer.Exit(exit_code(curve))
 
@@ -193,9 +193,9 @@ def speed(
 
     problem = hb.HarmonicBalance(model, harmonics_of(harmonics))
     check_shown(problem, measure, 0)
-    with in_terms_of_the_machine():
+    with without_contact_warning():
         curve = traced(problem, "Omega", span)
-    with in_terms_of_the_machine(), outputs() as out:
+    with without_contact_warning(), outputs() as out:
         out.branch(output, curve)
         out.figure(plot, lambda drawing: drawing.response(curve, measure, dimensionless=dimensionless))
         print_text(f"{model.title or file}: {len(curve)} points; {message_of(curve, dimensionless)}")
@@ -212,7 +212,7 @@ def results(
         str,
         typer.Argument(metavar="[QUANTITY]", help="Quantity to print at jumps and to draw, such as 'force, largest'."),
     ] = "dynamic factor",
-    own: OwnModel = None,
+    model: OwnModel = None,
     element: Element = "0",
     dof: Annotated[
         str | None, typer.Option(help="Coordinate whose acceleration is computed, by number or name.")
@@ -228,23 +228,27 @@ def results(
     """
     check_writable(output, (".csv",))
     check_writable(plot, FIGURES)
-    branch, which, _ = loaded(file, "pp2", element)
-    at = int(dof) if dof is not None and dof.isdecimal() else dof
-    problem = problem_in(branch, own) if own else problem_along(branch)
-    curves = [dataclasses.replace(one, problem=problem, others=()) for one in branch.curves]
-    each = [hb.analysis.machine_quantities(one, which, at) for one in curves]
-    found, title = _of_all(each), each[0].title(quantity)
+    branch, element_id, _ = loaded(file, "pp2", element)
+    axis = int(dof) if dof is not None and dof.isdecimal() else dof
+    problem = problem_in(branch, model) if model else problem_along(branch)
+    curves = [dataclasses.replace(curve, problem=problem, others=()) for curve in branch.curves]
+    by_curve = [hb.analysis.machine_quantities(curve, element_id, axis) for curve in curves]
+    quantities, title = _joined_quantities(by_curve), by_curve[0].title(quantity)
     with outputs() as out:
-        out.write(output, found.save)
-        drawn = dataclasses.replace(curves[0], others=tuple(curves[1:]))
-        out.figure(plot, lambda drawing: drawing.response(drawn, quantity, which, dof=at))
+        out.write(output, quantities.save)
+        together = dataclasses.replace(curves[0], others=tuple(curves[1:]))
+        out.figure(plot, lambda drawing: drawing.response(together, quantity, element_id, dof=axis))
         print_table(["quantity", "largest of stable motions", f"at {position_headers(branch)[0]}"],
-                    list(_largest(curves, found)))  # fmt: skip
+                    list(_largest(curves, quantities)))  # fmt: skip
         rows = []
         for number, landed in enumerate(landings(curves), 1):
-            for jump in (one.jump for one in landed):
-                ends = (float(hb.analysis.machine_quantities(end, which, at, problem)[quantity][0]) if end else np.nan
-                        for end in (jump.before, jump.after))  # fmt: skip
+            for jump in (landing.jump for landing in landed):
+                ends = (
+                    float(hb.analysis.machine_quantities(end, element_id, axis, problem)[quantity][0])
+                    if end
+                    else np.nan
+                    for end in (jump.before, jump.after)
+                )
                 direction = "increasing" if jump.direction > 0 else "decreasing"
                 rows.append([label_on_curve(number, jump), position_texts(branch, jump.before)[0], direction,
                              *(rounded(end, 4) if np.isfinite(end) else "-" for end in ends)])  # fmt: skip
@@ -254,20 +258,21 @@ def results(
     raise typer.Exit(0)
 
 
-def _of_all(found: Sequence[MachineQuantities]) -> MachineQuantities:
+def _joined_quantities(by_curve: Sequence[MachineQuantities]) -> MachineQuantities:
     """Return the quantities of several curves together, with the number of the curve first."""
-    if len(found) == 1:
-        return found[0]
-    counts = [len(next(iter(each.columns.values()))) for each in found]
-    columns = {"curve": np.repeat(np.arange(1, len(found) + 1), counts)}
+    if len(by_curve) == 1:
+        return by_curve[0]
+    counts = [len(next(iter(quantities.columns.values()))) for quantities in by_curve]
+    columns = {"curve": np.repeat(np.arange(1, len(by_curve) + 1), counts)}
     return MachineQuantities(
-        columns | {name: np.concatenate([each.columns[name] for each in found]) for name in found[0].columns}
+        columns
+        | {name: np.concatenate([quantities.columns[name] for quantities in by_curve]) for name in by_curve[0].columns}
     )
 
 
-def _largest(curves: Sequence[hb.Branch], found: MachineQuantities) -> Iterator[list[str]]:
+def _largest(curves: Sequence[hb.Branch], quantities: MachineQuantities) -> Iterator[list[str]]:
     """Yield each quantity with its largest value on all curves and the frequency at which it occurs."""
-    first, columns = curves[0], found.columns
+    first, columns = curves[0], quantities.columns
     stable = columns.get("stable", np.ones(sum(map(len, curves)))).astype(bool)
     if not stable.any():
         stable = np.ones_like(stable)
@@ -308,10 +313,10 @@ def _trace_and_report(
     def subharmonics(stop: Event) -> list[list[str]]:
         span = (float(curve.values.min()), PARAMETRIC_SPAN)
         curves = (_curve_above(model, count), curve, *curve.others)
-        return [row for one in curves for row in _subharmonics(model, one, span, stop)]
+        return [row for branch in curves for row in _subharmonics(model, branch, span, stop)]
 
     works: list[Callable[[Event], list[list[str]]]] = [subharmonics]
-    works += [partial(alternative, one) for one in alternatives(model, by_default)]
+    works += [partial(alternative, assumption) for assumption in alternatives(model, by_default)]
     long = model.mesh_order > 1
     if long:  # each curve takes minutes
         works = [_nothing]
@@ -320,24 +325,28 @@ def _trace_and_report(
         out.figure(plot, methodcaller("drive", cycle, curve))
         print_table(["gears", "pinion", "wheel"], list(_gears(machine.pair)))
         print_table(["mesh", ""], list(_mesh(machine, cycle, model)))
-        computed = [row for one in rows for row in one.result()]
+        computed = [row for future in rows for row in future.result()]
         damping = [row for row in computed if row[0].startswith("damping")]
         first = [f"damping {machine.damping:g}, as computed", *factor_and_jumps(model, curve)]
         print_table(["damping ratio", "largest dynamic factor", JUMPS], [first, *damping], DAMPING_RANGE)
-        found = doubled.result()
-        others = [(float(a), float(b)) for row in found for a, b in re.findall(r"(\d+) to (\d+)", row[1])]
-        show_speeds(model, curve, dimensionless, others)
+        subharmonic_rows = doubled.result()
+        other_ranges = [
+            (float(a), float(b)) for row in subharmonic_rows for a, b in re.findall(r"(\d+) to (\d+)", row[1])
+        ]
+        show_speeds(model, curve, dimensionless, other_ranges)
         if getattr(model.equations, "contacts", None) is not None and machine.torque:
             print_table(["pairs of teeth", ""], list(_teeth(machine, model, curve)))
         if machine.friction:
             print_table(["friction between the teeth", ""], list(_losses(machine, curve)))
-        if found:
+        if subharmonic_rows:
             headers = ["begins at", "stable at pinion r/min", "largest dynamic factor"]
-            print_table(headers, found, "other motions of twice the mesh period, which may be reached instead")
+            print_table(
+                headers, subharmonic_rows, "other motions of twice the mesh period, which may be reached instead"
+            )
         first[0] = "as computed"
         print_assumptions([first, *(row for row in computed if row not in damping)])
         helpful = [(MEASURES[row[0]], _number_in(row[1])) for row in computed if row[0] in MEASURES]
-        print_text(recommendation(model, curve, helpful, _number_in(first[1]), others))
+        print_text(recommendation(model, curve, helpful, _number_in(first[1]), other_ranges))
         if long:
             print_text("With torque orders, run-out or pitch errors of single teeth, other assumptions and motions of "
                        "twice the period are not computed: every curve takes minutes.")  # fmt: skip
@@ -358,7 +367,7 @@ def _machine(
 
     beta = to_si("--helix", "angle", helix, "rad")
     ring = teeth[1] < 0
-    errors = _pair_of("--runout", runout if "," in runout else f"{runout}, 0 um", str, "20um,0um")
+    errors = _two_values("--runout", runout if "," in runout else f"{runout}, 0 um", str, "20um,0um")
     pinion, wheel = (
         hb.gears.Gear(abs(number), module, width, pressure, angle, x, *kind, tip_relief=relief, runout=error)
         for number, angle, x, kind, error in zip(
@@ -390,24 +399,24 @@ def _orders_text(machine: Machine) -> str:
 
 
 def _gears(pair: hb.GearPair) -> Iterator[list[str]]:
-    both = (pair.pinion, pair.wheel)
-    kinds = (" (ring)" if g.internal else " (rack)" if g.rack else "" for g in both)
-    yield ["teeth", *(f"{g.teeth}{kind}" for g, kind in zip(both, kinds, strict=True))]
-    yield ["normal module [mm], face width [mm]", *(f"{g.module * 1e3:g}, {g.face_width * 1e3:g}" for g in both)]
+    gears = (pair.pinion, pair.wheel)
+    kinds = (" (ring)" if g.internal else " (rack)" if g.rack else "" for g in gears)
+    yield ["teeth", *(f"{g.teeth}{kind}" for g, kind in zip(gears, kinds, strict=True))]
+    yield ["normal module [mm], face width [mm]", *(f"{g.module * 1e3:g}, {g.face_width * 1e3:g}" for g in gears)]
     if pair.pinion.helix_angle:
-        yield ["helix [deg]", *(f"{degrees(abs(g.helix_angle)):g} {g.hand}" for g in both)]
-    yield ["profile shift [module]", *(f"{g.profile_shift:g}" for g in both)]
+        yield ["helix [deg]", *(f"{degrees(abs(g.helix_angle)):g} {g.hand}" for g in gears)]
+    yield ["profile shift [module]", *(f"{g.profile_shift:g}" for g in gears)]
     for name in ("reference", "base", "tip_diameter_used", "root"):
-        values = (getattr(g, name if "used" in name else f"{name}_diameter") for g in both)
+        values = (getattr(g, name if "used" in name else f"{name}_diameter") for g in gears)
         yield [f"{name.partition('_')[0]} diameter [mm]", *(
-            "-" if g.rack else f"{value * 1e3:.4f}" for g, value in zip(both, values, strict=True)
+            "-" if g.rack else f"{value * 1e3:.4f}" for g, value in zip(gears, values, strict=True)
         )]  # fmt: skip
     if pair.wheel.rack:
         w = pair.wheel
         heights = ((d - w.reference_diameter) / 2 * 1e3 for d in (w.tip_diameter_used, w.root_diameter))
         yield ["tip, root over the reference line [mm]", "-", "{:.4f}, {:.4f}".format(*heights)]
-    yield ["mass [kg] (solid)", *(f"{g.mass_used:.4g}" for g in both)]
-    yield ["inertia [kg m^2] (solid)", *("-" if g.rack else f"{g.inertia_used:.4g}" for g in both)]
+    yield ["mass [kg] (solid)", *(f"{g.mass_used:.4g}" for g in gears)]
+    yield ["inertia [kg m^2] (solid)", *("-" if g.rack else f"{g.inertia_used:.4g}" for g in gears)]
 
 
 def _mesh(machine: Machine, cycle: hb.gears.MeshCycle, model: DrawnPair) -> Iterator[list[str]]:
@@ -417,12 +426,12 @@ def _mesh(machine: Machine, cycle: hb.gears.MeshCycle, model: DrawnPair) -> Iter
     pair, scales = machine.pair, model.scales
     assert scales is not None
     iso = iso_stiffness(pair)
-    what = "distance of the rack from the axis" if pair.wheel.rack else "centre distance"
-    yield [what, f"{pair.mounting_distance * 1e3:.4f} mm, "
+    heading = "distance of the rack from the axis" if pair.wheel.rack else "centre distance"
+    yield [heading, f"{pair.mounting_distance * 1e3:.4f} mm, "
            f"working pressure angle {degrees(pair.working_pressure_angle):.4f} deg"]  # fmt: skip
     overlap = f", overlap {pair.overlap_ratio:.4f}" if pair.overlap_ratio else ""
     yield ["contact ratio", f"{pair.contact_ratio:.5f} transverse{overlap}"]
-    sizes = ", ".join(f"{pair.backlash_as(how) * 1e6:.1f} {how}" for how in ("circumferential", "normal"))
+    sizes = ", ".join(f"{pair.backlash_as(measure) * 1e6:.1f} {measure}" for measure in ("circumferential", "normal"))
     yield ["backlash [um]", f"{sizes}; half gap along the line of action {pair.half_backlash * 1e6:.1f}"]
     yield ["force along the line of action", f"{pair.transverse_force(machine.torque):.1f} N" + _orders_text(machine)]
     k = cycle.stiffness
@@ -441,26 +450,29 @@ def _teeth(machine: Machine, model: hb.mechanics.Model, curve: hb.Branch) -> Ite
     """Yield the largest loads of a pair of teeth on stable motions."""
     mesh, scales = hb.gears.tooth_mesh(machine.pair, machine.mesh_torque), model.scales
     assert scales is not None
-    found = [(hb.analysis.tooth_loads(point, mesh), point) for point in largest_motions(curve)]
-    loads, point = max(found, key=lambda one: one[0].force_factor)
+    loads_at_points = [(hb.analysis.tooth_loads(point, mesh), point) for point in largest_motions(curve)]
+    loads, point = max(loads_at_points, key=lambda entry: entry[0].force_factor)
     number, position = loads.largest
     speed = float(scales.pinion_speed(point.parameters["Omega"]))
     yield ["largest force of a pair", f"{loads.force.max():.0f} N, {loads.force_factor:.2f} times the static force of "
            f"{loads.static.force.max():.0f} N, at {speed:.0f} r/min"]  # fmt: skip
-    limits = {float(scales.pinion_speed(x)) for one in curve.curves for x in one.asymptotes.values()}
+    limits = {float(scales.pinion_speed(x)) for branch in curve.curves for x in branch.asymptotes.values()}
     if limits:
         speeds = " and ".join(f"{limit:.0f}" for limit in sorted(limits))
         yield ["not included", f"motions that grow without bound near {speeds} r/min"]
     pairs = len(loads.force)
-    which = "every pair" if pairs == 1 else f"pair {number + 1} of {pairs} that follow each other"
-    yield ["it acts on", f"{which}, {position:.2f} mesh periods after the pair enters contact"]
+    pair_text = "every pair" if pairs == 1 else f"pair {number + 1} of {pairs} that follow each other"
+    yield ["it acts on", f"{pair_text}, {position:.2f} mesh periods after the pair enters contact"]
     for name, stress, factor in zip(("pinion", "wheel"), loads.root_stress, loads.root_factor, strict=True):
         if np.isfinite(factor):
             yield [f"largest root stress, {name}", f"{stress.max() / 1e6:.1f} N/mm^2 (ISO 6336-3, nominal), "
                    f"{factor:.2f} times the static one"]  # fmt: skip
-    other = "back" if loads.side > 0 else "driving"
+    other_flank = "back" if loads.side > 0 else "driving"
     back = "none" if not loads.back.any() else f"{loads.back.max():.0f} N at most"
-    yield ["separated", f"{loads.separated.max():.0%} of the path of contact; contact on the {other} flank: {back}"]
+    yield [
+        "separated",
+        f"{loads.separated.max():.0%} of the path of contact; contact on the {other_flank} flank: {back}",
+    ]
 
 
 def _losses(machine: Machine, curve: hb.Branch) -> Iterator[list[str]]:
@@ -471,20 +483,20 @@ def _losses(machine: Machine, curve: hb.Branch) -> Iterator[list[str]]:
     side = 1 if machine.torque >= 0 else -1
     static = friction_mesh(tooth_mesh(machine.pair, machine.mesh_torque), machine.friction, side).output
     yield ["static efficiency", f"{static if side > 0 else 1 / static:.4%}"]
-    found = hb.analysis.machine_quantities(curve)
-    stable = np.asarray(found.columns.get("stable", np.ones(len(curve)))).astype(bool)
+    q = hb.analysis.machine_quantities(curve)
+    stable = np.asarray(q.columns.get("stable", np.ones(len(curve)))).astype(bool)
     if not stable.any():
         return
-    rpm, loss = found["pinion"], found["power loss"]
+    rpm, loss = q["pinion"], q["power loss"]
     for name, i in (("lowest", int(np.argmin(rpm))), ("highest", int(np.argmax(np.where(stable, rpm, -1.0))))):
         if stable[i]:
             yield [
                 f"{name} speed, {rpm[i]:.0f} r/min",
-                f"efficiency {found['efficiency'][i]:.4%}, loss {loss[i]:.1f} W",
+                f"efficiency {q['efficiency'][i]:.4%}, loss {loss[i]:.1f} W",
             ]
-    i = int(np.argmin(np.where(stable, found["efficiency"], np.inf)))
-    yield [f"lowest efficiency, {rpm[i]:.0f} r/min", f"{found['efficiency'][i]:.4%}, loss {loss[i]:.1f} W; friction "
-           f"across the line of action {found['friction across, largest'][i]:.0f} N"]  # fmt: skip
+    i = int(np.argmin(np.where(stable, q["efficiency"], np.inf)))
+    yield [f"lowest efficiency, {rpm[i]:.0f} r/min", f"{q['efficiency'][i]:.4%}, loss {loss[i]:.1f} W; friction "
+           f"across the line of action {q['friction across, largest'][i]:.0f} N"]  # fmt: skip
 
 
 def _nothing(_: Event) -> list[list[str]]:
@@ -498,7 +510,7 @@ def _number_in(text: str) -> float:
 
 
 @contextmanager
-def in_terms_of_the_machine() -> Iterator[None]:
+def without_contact_warning() -> Iterator[None]:
     """Suppress the warning of a response without loss of contact, which the report states in terms of the machine."""
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "no element comes near", hb.mechanics.ImplausibleInputWarning)
@@ -549,11 +561,11 @@ def _subharmonics(
 # ---- input
 
 
-def _pair_of(option: str, text: str, kind: type, example: str) -> tuple[Any, Any]:
+def _two_values(option: str, text: str, kind: type, example: str) -> tuple[Any, Any]:
     """Return two numbers separated by a comma."""
-    parts = [part.strip() for part in text.split(",")]
+    words = [word.strip() for word in text.split(",")]
     try:
-        first, second = (kind(part) for part in parts)
+        first, second = (kind(word) for word in words)
     except ValueError:
         raise ValueError(f"{option} {text}: need two numbers, such as {option} {example}") from None
     return first, second

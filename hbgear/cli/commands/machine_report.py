@@ -76,12 +76,14 @@ def resonances(model: hb.mechanics.Model, curve: hb.Branch) -> list[Resonance]:
 
     Of resonances of several meshes at the same speed, the one with the largest dynamic factor is returned.
     """
-    every = [one for branch in curve.curves for name in _meshes(model) for one in _of_mesh(model, branch, name)]
-    found: list[Resonance] = []
-    for one in sorted(every, key=lambda one: np.nan_to_num(-one.factor)):
-        if all(one.mesh == other.mesh or abs(one.speed - other.speed) > SAME_PEAK * one.speed for other in found):
-            found.append(one)
-    return sorted(found, key=lambda one: one.speed)
+    all_resonances = [
+        x for branch in curve.curves for name in _meshes(model) for x in _mesh_resonances(model, branch, name)
+    ]
+    distinct: list[Resonance] = []
+    for x in sorted(all_resonances, key=lambda x: np.nan_to_num(-x.factor)):
+        if all(x.mesh == known.mesh or abs(x.speed - known.speed) > SAME_PEAK * x.speed for known in distinct):
+            distinct.append(x)
+    return sorted(distinct, key=lambda x: x.speed)
 
 
 def _meshes(model: hb.mechanics.Model) -> Sequence[int | str]:
@@ -89,7 +91,7 @@ def _meshes(model: hb.mechanics.Model) -> Sequence[int | str]:
     return model.mesh_names or [0]
 
 
-def _of_mesh(model: hb.mechanics.Model, branch: hb.Branch, mesh: int | str) -> Iterator[Resonance]:
+def _mesh_resonances(model: hb.mechanics.Model, branch: hb.Branch, mesh: int | str) -> Iterator[Resonance]:
     """Yield the resonances of a mesh along a branch."""
     scales = model.scales
     assert scales is not None
@@ -101,15 +103,15 @@ def _of_mesh(model: hb.mechanics.Model, branch: hb.Branch, mesh: int | str) -> I
         if i in (0, len(branch) - 1) and not ends:
             continue  # the range ends there, not the resonance
         point = branch[i]
-        one = hb.analysis.machine_quantities(point, mesh)
+        quantities = hb.analysis.machine_quantities(point, mesh)
         speed = float(scales.pinion_speed(point.parameters["Omega"]))
-        yield Resonance(mesh, point, speed, float(size[i]), float(one["dynamic factor"][0]),
-                        abs(float(one["force, largest"][0])), ends)  # fmt: skip
+        yield Resonance(mesh, point, speed, float(size[i]), float(quantities["dynamic factor"][0]),
+                        abs(float(quantities["force, largest"][0])), ends)  # fmt: skip
 
 
 def _peaks(size: Array, stable: Array) -> list[int]:
     """Return the largest stable points between minima that are lower by `MIN_PROMINENCE`."""
-    found: list[int] = []
+    peaks: list[int] = []
     edges = np.flatnonzero(np.diff(np.concatenate([[0], stable.astype(int), [0]])))
     for first, end in zip(edges[::2], edges[1::2], strict=True):
         top, low = int(first), float(size[first]) if first == 0 else 0.0  # unstable motions are no minimum
@@ -119,15 +121,15 @@ def _peaks(size: Array, stable: Array) -> list[int]:
                 top = i
             elif rising and size[top] > MIN_PROMINENCE * size[i]:
                 if size[top] > MIN_PROMINENCE * low or top == first:
-                    found.append(int(top))
+                    peaks.append(int(top))
                 rising, low = False, float(size[i])
             elif not rising and size[i] < low:
                 low = float(size[i])
             elif not rising and size[i] > MIN_PROMINENCE * low:
                 rising, top = True, i
         if rising and size[top] > MIN_PROMINENCE * low:
-            found.append(top)
-    return found
+            peaks.append(top)
+    return peaks
 
 
 def contact_lost(model: hb.mechanics.Model, curve: hb.Branch) -> Ranges:
@@ -149,20 +151,20 @@ def without_stable_motion(model: hb.mechanics.Model, curve: hb.Branch) -> Ranges
     return _longer(outside(_with_stability(model, curve, True), *_speed_span(model, curve)))
 
 
-def jumps_possible(model: hb.mechanics.Model, curve: hb.Branch, known: Ranges) -> Ranges:
+def jumps_possible(model: hb.mechanics.Model, curve: hb.Branch, excluded: Ranges) -> Ranges:
     """Return the ranges of the pinion speed [r/min] with unstable motions, between folds, outside known ranges.
 
     The motions on both sides of an unstable one coexist, and jumps lead from one to the other.
     """
     unstable = _with_stability(model, curve, False)
-    return _longer(part for low, high in unstable for part in outside(known, low, high))
+    return _longer(part for low, high in unstable for part in outside(excluded, low, high))
 
 
 def _with_stability(model: hb.mechanics.Model, curve: hb.Branch, stable: bool) -> Ranges:
     """Return the ranges of the pinion speed [r/min] in which a stable, or an unstable motion is known."""
-    known = [branch for branch in curve.curves if branch.stable is not None]
+    branches = [branch for branch in curve.curves if branch.stable is not None]
     return merged(
-        part for branch in known for part in _speed_ranges(model, branch, np.asarray(branch.stable, bool) == stable)
+        part for branch in branches for part in _speed_ranges(model, branch, np.asarray(branch.stable, bool) == stable)
     )
 
 
@@ -194,13 +196,13 @@ def merged(ranges: Iterable[tuple[float, float]]) -> Ranges:
     >>> merged([(5.0, 7.0), (1.0, 2.0), (6.0, 9.0)])
     [(1.0, 2.0), (5.0, 9.0)]
     """
-    found: Ranges = []
+    union: Ranges = []
     for low, high in sorted(ranges):
-        if found and low <= found[-1][1]:
-            found[-1] = found[-1][0], max(found[-1][1], high)
+        if union and low <= union[-1][1]:
+            union[-1] = union[-1][0], max(union[-1][1], high)
         else:
-            found.append((low, high))
-    return found
+            union.append((low, high))
+    return union
 
 
 def outside(ranges: Ranges, low: float, high: float) -> Ranges:
@@ -211,12 +213,12 @@ def outside(ranges: Ranges, low: float, high: float) -> Ranges:
     >>> outside([(1.0, 2.0), (5.0, 9.0)], 0.0, 10.0)
     [(0.0, 1.0), (2.0, 5.0), (9.0, 10.0)]
     """
-    found, start = [], low
+    gaps, start = [], low
     for a, b in [*ranges, (high, high)]:
         if min(a, high) > start:
-            found.append((start, min(a, high)))
+            gaps.append((start, min(a, high)))
         start = max(start, b)
-    return found
+    return gaps
 
 
 def speeds_text(ranges: Ranges) -> str:
@@ -260,28 +262,28 @@ def _show_resonances(model: hb.mechanics.Model, curve: hb.Branch) -> None:
     assert model.scales is not None
     several = len(_meshes(model)) > 1
     rows = [
-        [f"{one.speed:.0f}", f"{float(model.scales.mesh_frequency(one.point.parameters['Omega'])):.0f}",
-         *([str(one.mesh)] if several else []), _known(one.factor), rounded(one.transmission_error, 3),
-         f"{one.force:.0f}", "before a jump" if one.ends else ""]
-        for one in resonances(model, curve)
+        [f"{r.speed:.0f}", f"{float(model.scales.mesh_frequency(r.point.parameters['Omega'])):.0f}",
+         *([str(r.mesh)] if several else []), _number_or_dash(r.factor), rounded(r.transmission_error, 3),
+         f"{r.force:.0f}", "before a jump" if r.ends else ""]
+        for r in resonances(model, curve)
     ]  # fmt: skip
     for branch in curve.curves:
         if branch.status == hb.Status.UNBOUNDED and (branch.stable is None or branch.stable[-1]):
             end = branch.asymptotes.get("last", float(branch.values[-1]))
-            speeds = [float(of(end)) for of in (model.scales.pinion_speed, model.scales.mesh_frequency)]
+            speeds = [float(convert(end)) for convert in (model.scales.pinion_speed, model.scales.mesh_frequency)]
             mesh = ["-"] if several else []
             rows.append([*(f"{x:.0f}" for x in speeds), *mesh, *["unbounded"] * 3, "more damping would limit it"])
     rows.sort(key=lambda row: float(row[0]))
     if rows:
         headers = ["pinion r/min", "mesh Hz", *(["mesh"] if several else []), "dynamic factor",
                    "transmission error [um]", "largest force [N]", ""]  # fmt: skip
-        of = ", with the mesh of the largest dynamic factor" if several else " of the mesh"
-        print_table(headers, rows, f"resonances{of}; the transmission error is half peak to peak")
+        addition = ", with the mesh of the largest dynamic factor" if several else " of the mesh"
+        print_table(headers, rows, f"resonances{addition}; the transmission error is half peak to peak")
     else:
         print_text("no resonance in this range of speeds")
 
 
-def _known(value: float) -> str:
+def _number_or_dash(value: float) -> str:
     return rounded(value, 3) if np.isfinite(value) else "-"
 
 
@@ -290,10 +292,10 @@ def _show_jumps(model: hb.mechanics.Model, curve: hb.Branch, dimensionless: bool
     assert scales is not None
     rows = []
     branches = curve.curves
-    for number, found in enumerate(landings(branches), 1):
-        for jump in (landing.jump for landing in found):
+    for number, branch_landings in enumerate(landings(branches), 1):
+        for jump in (landing.jump for landing in branch_landings):
             digits = digits_of(jump.before, 6)
-            factors = [factor_text(model, at, min(digits, 3)) for at in (jump.before, jump.after)]
+            factors = [factor_text(model, point, min(digits, 3)) for point in (jump.before, jump.after)]
             rpm = rounded(float(scales.pinion_speed(jump.value)), digits)
             hertz = rounded(float(scales.mesh_frequency(jump.value)), digits)
             direction = "increasing" if jump.direction > 0 else "decreasing"
@@ -347,8 +349,8 @@ def _show_ranges(model: hb.mechanics.Model, curve: hb.Branch, others: Ranges) ->
     if jumps:
         print_text(f"jumps without loss of contact: {speeds_text(jumps)}")
     if unknown:
-        others_text = "" if others else "; motions of other periods are not computed"
-        print_text(f"no stable motion of the mesh period: {speeds_text(unknown)}{others_text}")
+        note = "" if others else "; motions of other periods are not computed"
+        print_text(f"no stable motion of the mesh period: {speeds_text(unknown)}{note}")
 
 
 def _show_critical(model: hb.mechanics.Model, curve: hb.Branch) -> None:
@@ -357,17 +359,19 @@ def _show_critical(model: hb.mechanics.Model, curve: hb.Branch) -> None:
     if pair is None:
         return
     Omega = float(np.max(np.abs(curve.values)))
-    found = hb.analysis.campbell(model, (0.5 * Omega, Omega), points=2)
+    diagram = hb.analysis.campbell(model, (0.5 * Omega, Omega), points=2)
     order = float(getattr(model, "mesh_order", 1))
     z1, z2 = pair.pinion.teeth, pair.wheel.teeth
     orders = {"mesh order 1": order, "2": 2 * order, "3": 3 * order, "pinion order 1": order / z1}
     if not pair.wheel.rack:
         orders["wheel order 1"] = order / z2
     rows = []
-    for frequency in found.frequencies[-1]:
+    for frequency in diagram.frequencies[-1]:
         if np.isfinite(frequency) and frequency > 0:
             hertz = float(scales.mesh_frequency(float(frequency))) / order
-            speeds = [f"{float(scales.pinion_speed(float(frequency) / one)):.0f}" for one in orders.values()]
+            speeds = [
+                f"{float(scales.pinion_speed(float(frequency) / order_value)):.0f}" for order_value in orders.values()
+            ]
             rows.append([f"{hertz:.0f}", *speeds])
     if rows:
         title = "critical speeds of the pinion in r/min, at which an order meets a natural frequency (closed gaps)"
@@ -411,16 +415,16 @@ def recommendation(
     """
     lost = merged([*contact_lost(model, curve), *(others or []), *without_stable_motion(model, curve)])
     avoided = merged([*lost, *jumps_possible(model, curve, lost)])
-    found = [one for one in resonances(model, curve) if np.isfinite(one.factor)]
+    finite_resonances = [x for x in resonances(model, curve) if np.isfinite(x.factor)]
     if avoided:
         text = f"avoid {speeds_text(avoided)}"
-    elif found:
-        worst = max(found, key=lambda one: one.factor)
+    elif finite_resonances:
+        worst = max(finite_resonances, key=lambda x: x.factor)
         text = f"no speed has to be avoided because of jumps; the dynamic factor is largest at {worst.speed:.0f} r/min"
     else:
         text = "no speed of this range has to be avoided"
-    better = min(measures, key=lambda one: one[1], default=None)
+    better = min(measures, key=lambda x: x[1], default=None)
     if better is not None and better[1] < 0.9 * reference:
-        was = "" if np.isinf(reference) else f" instead of {reference:.3g}"
-        text += f"; {better[0]} gives a largest dynamic factor of {better[1]:.3g}{was}"
+        comparison = "" if np.isinf(reference) else f" instead of {reference:.3g}"
+        text += f"; {better[0]} gives a largest dynamic factor of {better[1]:.3g}{comparison}"
     return f"recommendation: {text}"

@@ -78,36 +78,36 @@ def backbone(
     if not colon:
         raise ValueError(f"--amplitudes {amplitudes}: need FROM:TO, such as 0.01:1")
     span = number_of("--amplitudes", low), number_of("--amplitudes", high)
-    which = element_of(element)
+    element_id = element_of(element)
     machine = chosen_model(model, changes)
-    found = hb.analysis.backbone(machine, mode, span, harmonics=_fixed(harmonics))
-    across, length = OmegaAxis.of(machine, dimensionless), None if dimensionless else length_scale(machine, {})
-    stability = hb.analysis.backbone_stability(found)
+    curve = hb.analysis.backbone(machine, mode, span, harmonics=_fixed(harmonics))
+    axis, length = OmegaAxis.of(machine, dimensionless), None if dimensionless else length_scale(machine, {})
+    stability = hb.analysis.backbone_stability(curve)
     with outputs() as out:
-        out.branch(output, found)
+        out.branch(output, curve)
         draw = {"stability": stability, "dimensionless": dimensionless}
-        out.figure(plot, lambda drawing: drawing.backbone(found, measure, which, **draw))
-        print(f"backbone of mode {mode}: {len(found)} points; {found.message}")
-        heights = factor_of(measure, length) * found.amplitude(measure, which)
+        out.figure(plot, lambda drawing: drawing.backbone(curve, measure, element_id, **draw))
+        print(f"backbone of mode {mode}: {len(curve)} points; {curve.message}")
+        heights = factor_of(measure, length) * curve.amplitude(measure, element_id)
         rows = [
-            [across.number(found.tracked["Omega"][i]), f"{found.tracked['modal_damping'][i]:.4g}", f"{heights[i]:.5g}"]
-            for i in _some(len(found))
+            [axis.number(curve.tracked["Omega"][i]), f"{curve.tracked['modal_damping'][i]:.4g}", f"{heights[i]:.5g}"]
+            for i in _shown_rows(len(curve))
         ]
         unit = "" if length is None else " [um]"
-        print_table([across.name, "damping ratio", f"{measure}{unit}"], rows)
+        print_table([axis.name, "damping ratio", f"{measure}{unit}"], rows)
         if stability.changes:
-            changed = [[across.number(one.Omega), f"{factor_of('rms', length) * one.amplitude:.5g}", one.kind]
-                        for one in stability.changes]  # fmt: skip
-            print_table([across.name, f"rms of all elements{unit}", "multipliers"], changed, "changes of stability")
+            changed = [[axis.number(change.Omega), f"{factor_of('rms', length) * change.amplitude:.5g}", change.kind]
+                        for change in stability.changes]  # fmt: skip
+            print_table([axis.name, f"rms of all elements{unit}", "multipliers"], changed, "changes of stability")
         elif "stable" in stability.states and "unstable" not in stability.states:
             print("all motions without dissipation are stable")
         peaks = [
-            [across.number(peak.Omega), f"{factor_of('rms', length) * peak.amplitude:.5g}"]
-            for peak in hb.analysis.predicted_peaks(found)
+            [axis.number(peak.Omega), f"{factor_of('rms', length) * peak.amplitude:.5g}"]
+            for peak in hb.analysis.predicted_peaks(curve)
         ]
         if peaks:
-            print_table([across.name, f"rms of all elements{unit}"], peaks, "predicted resonance peaks, order 1")
-    raise typer.Exit(exit_code(found))
+            print_table([axis.name, f"rms of all elements{unit}"], peaks, "predicted resonance peaks, order 1")
+    raise typer.Exit(exit_code(curve))
 
 
 def cycles(
@@ -130,22 +130,22 @@ def cycles(
     """
     check_writable(output, BRANCHES)
     check_writable(plot, FIGURES)
-    machine, which = chosen_model(model, changes), element_of(element)
+    machine, element_id = chosen_model(model, changes), element_of(element)
     name, span = range_of(within, machine)
     points = hb.analysis.hopf_points(machine, name, span)
     if not points:
         raise ValueError(f"--in {within}: no Hopf point: no pair of eigenvalues crosses the imaginary axis there")
     unit, header = _in_hertz("Omega", None if dimensionless else machine.scales)
     headers = [f"{name}{bracketed(unit_of(machine.labels.get(name, '')))}", header]
-    print_table(headers, [[f"{one.value:.8g}", f"{unit * one.Omega:.8g}"] for one in points], "Hopf points")
-    found = hb.analysis.limit_cycles(machine, points[0], span, harmonics=_fixed(harmonics), length=length)
+    print_table(headers, [[f"{point.value:.8g}", f"{unit * point.Omega:.8g}"] for point in points], "Hopf points")
+    curve = hb.analysis.limit_cycles(machine, points[0], span, harmonics=_fixed(harmonics), length=length)
     with outputs() as out:
-        out.branch(output, found)
-        out.figure(plot, lambda drawing: drawing.response(found, measure, which, dimensionless=dimensionless))
-        print(f"limit cycles from {name} = {points[0].value:.6g}: {len(found)} points; {found.message}")
-        _show_frequencies(found, "Omega", measure, which, dimensionless)
-        show_branch(found, measure, which, dimensionless=dimensionless)
-    raise typer.Exit(exit_code(found))
+        out.branch(output, curve)
+        out.figure(plot, lambda drawing: drawing.response(curve, measure, element_id, dimensionless=dimensionless))
+        print(f"limit cycles from {name} = {points[0].value:.6g}: {len(curve)} points; {curve.message}")
+        _show_frequencies(curve, "Omega", measure, element_id, dimensionless)
+        show_branch(curve, measure, element_id, dimensionless=dimensionless)
+    raise typer.Exit(exit_code(curve))
 
 
 def torus(
@@ -168,18 +168,20 @@ def torus(
     """
     check_writable(output, BRANCHES)
     check_writable(plot, FIGURES)
-    branch, which = load_with_problem(file, model), element_of(element)
+    branch, element_id = load_with_problem(file, model), element_of(element)
     span = None if first is None and last is None else longer_span(branch, None, first, last)
-    loaded = isinstance(branch.problem, hb.harmonic.TorusProblem)
-    found = hb.extend(branch, span) if loaded else hb.analysis.torus(*on_curve(branch, label), span)
+    is_torus_file = isinstance(branch.problem, hb.harmonic.TorusProblem)
+    tori = hb.extend(branch, span) if is_torus_file else hb.analysis.torus(*on_curve(branch, label), span)
     with outputs() as out:
-        out.branch(output, found)
-        shown = [found] if loaded else [branch, found]
-        out.figure(plot, lambda drawing: drawing.responses(shown, measure, which, dimensionless=dimensionless))
-        origin = f"{len(branch)} points of {file} continued" if loaded else f"tori from {label} of {file}"
-        print(f"{origin}: {len(found)} points; {found.message}")
-        _show_frequencies(found, "Omega_2", measure, which, dimensionless)
-    raise typer.Exit(exit_code(found))
+        out.branch(output, tori)
+        drawn_branches = [tori] if is_torus_file else [branch, tori]
+        out.figure(
+            plot, lambda drawing: drawing.responses(drawn_branches, measure, element_id, dimensionless=dimensionless)
+        )
+        origin = f"{len(branch)} points of {file} continued" if is_torus_file else f"tori from {label} of {file}"
+        print(f"{origin}: {len(tori)} points; {tori.message}")
+        _show_frequencies(tori, "Omega_2", measure, element_id, dimensionless)
+    raise typer.Exit(exit_code(tori))
 
 
 def follow(
@@ -202,25 +204,25 @@ def follow(
     check_writable(plot, FIGURES)
     branch = load_with_problem(file, model)
     name, span = range_of(within, model_of(branch))
-    found = hb.follow(*on_curve(branch, label), name, span)
+    curve = hb.follow(*on_curve(branch, label), name, span)
     with outputs() as out:
-        out.branch(output, found)
-        out.figure(plot, lambda drawing: drawing.special_curves([found], dimensionless=dimensionless))
-        print(f"{label} of {file} in {name}: {len(found)} points; {found.message}")
+        out.branch(output, curve)
+        out.figure(plot, lambda drawing: drawing.special_curves([curve], dimensionless=dimensionless))
+        print(f"{label} of {file} in {name}: {len(curve)} points; {curve.message}")
         first = branch.parameter
-        across = OmegaAxis.of_ends([found] if first == "Omega" else [], first, dimensionless)
-        headers = [f"{name}{bracketed(unit_of(label_of(found, name)))}", across.name if across.is_speed else first]
-        rows = [[f"{found.values[i]:.6g}", across.number(found.tracked[first][i])] for i in _some(len(found))]
+        axis = OmegaAxis.of_ends([curve] if first == "Omega" else [], first, dimensionless)
+        headers = [f"{name}{bracketed(unit_of(label_of(curve, name)))}", axis.name if axis.is_speed else first]
+        rows = [[f"{curve.values[i]:.6g}", axis.number(curve.tracked[first][i])] for i in _shown_rows(len(curve))]
         print_table(headers, rows)
         special = [
-            [p.label, f"{p.parameters[name]:.9g}", across.number(p.parameters[first], 9), p.meaning]
-            for p in found.special
+            [p.label, f"{p.parameters[name]:.9g}", axis.number(p.parameters[first], 9), p.meaning]
+            for p in curve.special
         ]
         if special:
             print_table(["", *headers, "event"], special, "special points")
         else:
             print("no special points")
-    raise typer.Exit(exit_code(found))
+    raise typer.Exit(exit_code(curve))
 
 
 def _fixed(harmonics: str) -> int:
@@ -231,20 +233,20 @@ def _fixed(harmonics: str) -> int:
     return number
 
 
-def _some(count: int) -> list[int]:
+def _shown_rows(count: int) -> list[int]:
     """Return the numbers of at most `ROWS` points, both ends among them."""
     return sorted(set(np.linspace(0, count - 1, min(ROWS, count)).round().astype(int).tolist()))
 
 
-def _in_hertz(frequency: str, known: Scales | None) -> tuple[float, str]:
+def _in_hertz(frequency: str, scales: Scales | None) -> tuple[float, str]:
     """Return the unit of a frequency [Hz] and its header in a table; that of the model without scales."""
-    return (1.0, frequency) if known is None else (known.frequency / (2 * np.pi), f"{frequency} [Hz]")
+    return (1.0, frequency) if scales is None else (scales.frequency / (2 * np.pi), f"{frequency} [Hz]")
 
 
-def _show_frequencies(found: hb.Branch, frequency: str, measure: str, element: int | str, dimensionless: bool) -> None:
+def _show_frequencies(branch: hb.Branch, frequency: str, measure: str, element: int | str, dimensionless: bool) -> None:
     """Print the parameter, the unknown frequency and the amplitude at some points of a branch."""
-    across, height = Abscissa([found], dimensionless), Ordinate(measure, element, dimensionless=dimensionless)
-    unit, name = _in_hertz(frequency, None if dimensionless else scales_at(found, 0))
-    x, y, heights = across.along(found), unit * found.tracked[frequency], height.along(found)
-    rows = [[f"{x[i]:.6g}", f"{y[i]:.6g}", f"{heights[i]:.5g}"] for i in _some(len(found))]
-    print_table([PINION if across.scale != 1 else found.parameter, name, height.header(found)], rows)
+    abscissa, height = Abscissa([branch], dimensionless), Ordinate(measure, element, dimensionless=dimensionless)
+    unit, name = _in_hertz(frequency, None if dimensionless else scales_at(branch, 0))
+    x, y, heights = abscissa.along(branch), unit * branch.tracked[frequency], height.along(branch)
+    rows = [[f"{x[i]:.6g}", f"{y[i]:.6g}", f"{heights[i]:.5g}"] for i in _shown_rows(len(branch))]
+    print_table([PINION if abscissa.scale != 1 else branch.parameter, name, height.header(branch)], rows)

@@ -55,35 +55,37 @@ def campbell(
     for name in {*(closed or ())} & {*(opened or ())}:
         raise ValueError(f"--closed {name} and --open {name}: give one of them")
     contacts = {name: True for name in closed or ()} | {name: False for name in opened or ()}
-    found = hb.analysis.campbell(chosen, (a, b), orders, points, modes, closed=contacts)
+    diagram = hb.analysis.campbell(chosen, (a, b), orders, points, modes, closed=contacts)
     with outputs() as out:
-        out.figure(plot, lambda drawing: drawing.campbell(found, dimensionless=dimensionless))
-        print(f"elements in contact: {', '.join(found.closed) or 'none'}; open: {', '.join(found.opened) or 'none'}")
-        known, across = dict(found.scales), OmegaAxis(found.scales, dimensionless=dimensionless)
-        whirls = bool(np.isfinite(found.whirl).any())
+        out.figure(plot, lambda drawing: drawing.campbell(diagram, dimensionless=dimensionless))
+        print(
+            f"elements in contact: {', '.join(diagram.closed) or 'none'}; open: {', '.join(diagram.opened) or 'none'}"
+        )
+        units, axis = dict(diagram.scales), OmegaAxis(diagram.scales, dimensionless=dimensionless)
+        whirls = bool(np.isfinite(diagram.whirl).any())
         headers = [
             "order",
             "mode",
-            *(["Omega"] if dimensionless or not known else []),
-            *known,
-            "natural frequency" + (" [Hz]" if MESH in known else ""),
+            *(["Omega"] if dimensionless or not units else []),
+            *units,
+            "natural frequency" + (" [Hz]" if MESH in units else ""),
             "damping ratio",
             *(["whirl"] if whirls else []),
         ]
-        unit = known.get(MESH, 1.0)
+        unit = units.get(MESH, 1.0)
         rows = [
-            ["mesh" if one.order == "Omega" and across.is_speed else one.order,
-             str(one.mode), *([f"{one.Omega:.6g}"] if dimensionless or not known else []),
-             *(f"{one.Omega * known[name]:.6g}" for name in known),
-             f"{one.frequency * unit:.6g}", f"{one.damping + 0.0:.4g}",
-             *([whirl_word(one.whirl)] if whirls else [])]
-            for one in found.critical
+            ["mesh" if speed.order == "Omega" and axis.is_speed else speed.order,
+             str(speed.mode), *([f"{speed.Omega:.6g}"] if dimensionless or not units else []),
+             *(f"{speed.Omega * units[name]:.6g}" for name in units),
+             f"{speed.frequency * unit:.6g}", f"{speed.damping + 0.0:.4g}",
+             *([whirl_word(speed.whirl)] if whirls else [])]
+            for speed in diagram.critical
         ]  # fmt: skip
         if rows:
             print_table(headers, rows, "critical speeds")
         else:
-            end = across.text(b) if across.is_speed else f"{b:g}"
-            print(f"no order crosses a natural frequency from {across.text(a)} to {end}")
+            end = axis.text(b) if axis.is_speed else f"{b:g}"
+            print(f"no order crosses a natural frequency from {axis.text(a)} to {end}")
 
 
 def _number(name: str, text: str) -> float:

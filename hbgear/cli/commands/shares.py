@@ -54,22 +54,22 @@ def _print(
     found: Sensitivity, labels: Mapping[str, str], quantity: str, max_rows: int, names: tuple[str, ...]
 ) -> None:  # fmt: skip
     shares = {name: found.percent(name) for name in names}
-    shown = {name: _in_micrometres(name) for name in names}
-    print(f"{found.label}: " + ", ".join(f"{shown[q][0]} = {shown[q][1] * found.size(q):.6g}" for q in names))
-    known = [
+    printed = {name: _in_micrometres(name) for name in names}
+    print(f"{found.label}: " + ", ".join(f"{printed[q][0]} = {printed[q][1] * found.size(q):.6g}" for q in names))
+    affecting = [
         name for name in shares[quantity] if any(not abs(share[name]) < SHARE_ROUNDING for share in shares.values())
     ]
     rows = [
         [_with_unit(name, labels), f"{found.values[found.parameters.index(name)]:.6g}",
          *(_percent_text(shares[q][name]) for q in names)]
-        for name in known[:max_rows]
+        for name in affecting[:max_rows]
     ]  # fmt: skip
-    name, factor = shown[quantity]
+    name, factor = printed[quantity]
     title = f"percent per percent of a parameter, by {name}"
-    print_table(["", "value", *(shown[q][0] for q in names)], rows, title)
-    left = len(known) - len(rows)
-    if left:
-        print(f"{left} more parameters with smaller derivatives; see --max-rows")
+    print_table(["", "value", *(printed[q][0] for q in names)], rows, title)
+    omitted = len(affecting) - len(rows)
+    if omitted:
+        print(f"{omitted} more parameters with smaller derivatives; see --max-rows")
     for parameter, value in zip(found.parameters, found.values, strict=True):
         if not value and found.of(quantity)[parameter]:
             unit = shown_unit(labels.get(parameter, "")) or f"unit of {parameter}"

@@ -79,54 +79,57 @@ def study(
         typer.confirm(f"{file} has {count:,} cases. Continue?", abort=True)
     folder = output or file.with_suffix("")
     with dask_executor(dask, tls_ca_file, tls_cert, tls_key) as executor, bar("designs") as progress:
-        found = cases(
+        results = cases(
             parsed.model, parsed.vary, work.compute, critical=work.critical, harmonics=work.harmonics, span=work.span,
             measure=work.measure, element=work.element, store=folder, executor=executor, processes=processes,
             retry=retry, most=max(count, MANY), progress=progress,
         )  # fmt: skip
-    print(f"{len(found)} of {found.total} cases, {len(found.failed)} of them failed; {found.message}")
+    print(f"{len(results)} of {results.total} cases, {len(results.failed)} of them failed; {results.message}")
     if getattr(parsed.vary, "method", "") == "saltelli":
-        _print_indices(found)
-    for case, reason in list(found.failed.items())[:5]:
+        _print_indices(results)
+    for case, reason in list(results.failed.items())[:5]:
         print(f"case {case} failed: {reason}")
-    if found.outcome != Outcome.CANNOT_STORE:
+    if results.outcome != Outcome.CANNOT_STORE:
         try:
             tables = [folder / "table.csv", folder / "table.npz"]
             for path in tables:
-                found.export(path)
-            report_written(*tables, *draw_figures(found, folder))
+                results.export(path)
+            report_written(*tables, *draw_figures(results, folder))
         except OSError as error:
             print_message(
                 "error", f"tables and figures could not be written ({error}); the cases are kept: run the command again"
             )
             raise typer.Exit(STOPPED_EARLY) from None
-    raise typer.Exit(0 if found.outcome == Outcome.FINISHED else STOPPED_EARLY)
+    raise typer.Exit(0 if results.outcome == Outcome.FINISHED else STOPPED_EARLY)
 
 
-def _print_indices(found: Cases) -> None:
+def _print_indices(results: Cases) -> None:
     """Print Sobol indices of each number of the table."""
     from hbgear.design.uncertainty.sobol import sobol_indices
 
-    skipped, columns = {*found.names, "case", "reason", "seconds"}, zip(found.table, found.physical_table, strict=True)
-    for quantity in [shown for name, shown in columns if name not in skipped]:
+    skipped, columns = (
+        {*results.names, "case", "reason", "seconds"},
+        zip(results.table, results.physical_table, strict=True),
+    )
+    for quantity in [shown_name for name, shown_name in columns if name not in skipped]:
         try:
-            indices = sobol_indices(found, quantity)
+            indices = sobol_indices(results, quantity)
         except ValueError as error:
             print(f"{quantity}: {error}")
             continue
         rows = [[name, *(f"{value:.3f} +- {error:.3f}" for value, error in (indices.first[name], indices.total[name]))]
-                for name in found.names]  # fmt: skip
+                for name in results.names]  # fmt: skip
         print_table(["", "first order", "total"], rows, f"Sobol indices of {quantity}")
 
 
-def draw_figures(found: Cases, folder: Path) -> list[Path]:
+def draw_figures(results: Cases, folder: Path) -> list[Path]:
     """Write each figure of the study as .png; return the written files."""
     from hbgear import plot
     from hbgear.plot.style import without_windows
 
     paths = []
     with without_windows():
-        for name, drawing in plot.figures(found).items():
+        for name, drawing in plot.figures(results).items():
             paths.append(folder / f"{name}.png")
             plot.save(drawing, paths[-1])
     return paths

@@ -77,20 +77,20 @@ def validate(
     check_writable(output, (".csv",))
     check_writable(plot, FIGURES)
     check_landing(landing)
-    branch, which = hb.load(file), element_of(element)
-    branch[0].amplitude("rms", which)
+    branch, element_id = hb.load(file), element_of(element)
+    branch[0].amplitude("rms", element_id)
     problem = None if model is None else problem_in(branch, model)
-    others = [hb.load(path) for path in other_branches or ()]
+    other_curves = [hb.load(path) for path in other_branches or ()]
     with bar("points") as progress:
         report = validate_by_integration(
-            branch, points, tolerance, problem=problem, landing=landing, others=others, progress=progress
+            branch, points, tolerance, problem=problem, landing=landing, others=other_curves, progress=progress
         )
     headers, rows = report.table(dimensionless)
     with outputs() as out:
         out.write(output, report.export)
         out.figure(
             plot if report.rows else None,
-            lambda drawing: drawing.validation(report, branch, which, dimensionless=dimensionless),
+            lambda drawing: drawing.validation(report, branch, element_id, dimensionless=dimensionless),
         )
         print_table(headers, rows, "harmonic balance against time integration")
         if report.jumps:
@@ -138,39 +138,39 @@ def sweep(
     check_writable(output, (".csv",))
     for path in (plot, bifurcation):
         check_writable(path, FIGURES)
-    machine, which = chosen_model(model, changes), element_of(element)
-    parameter, span, held = path_of(machine, within, first, last, at)
+    machine, element_id = chosen_model(model, changes), element_of(element)
+    parameter, span, fixed = path_of(machine, within, first, last, at)
     grid = np.linspace(*span, count)
     curve = hb.load(curve_file) if curve_file else None
     if curve is not None:
         same_model(curve.meta.get("model"), machine)
-        curve[0].amplitude(measure, which)
+        curve[0].amplitude(measure, element_id)
     settling = SteadyStateSettings(tolerance, max_periods)
-    found: list[Any] = []
-    for direction in [name for name, wanted in (("up", up or not down), ("down", down)) if wanted]:
+    sweeps: list[Any] = []
+    for direction in [name for name, selected in (("up", up or not down), ("down", down)) if selected]:
         with bar(f"sweep {direction}") as progress:
-            found.append(
-                run(machine, grid, direction, parameter=parameter, at=held, settling=settling, progress=progress)
+            sweeps.append(
+                run(machine, grid, direction, parameter=parameter, at=fixed, settling=settling, progress=progress)
             )
-        if not found[-1].status.complete:
+        if not sweeps[-1].status.complete:
             break
-    found = [s for s in found if len(s)]
+    sweeps = [s for s in sweeps if len(s)]
     with outputs() as out:
-        if found:
-            out.write(output, lambda path: export(found, path))
+        if sweeps:
+            out.write(output, lambda path: export(sweeps, path))
             out.figure(
                 plot,
                 lambda drawing: drawing.sweeps(
-                    found, curve, measure, which, model=machine, dimensionless=dimensionless
+                    sweeps, curve, measure, element_id, model=machine, dimensionless=dimensionless
                 ),
             )
             out.figure(
                 bifurcation,
-                lambda drawing: drawing.bifurcation(found, which, model=machine, dimensionless=dimensionless),
+                lambda drawing: drawing.bifurcation(sweeps, element_id, model=machine, dimensionless=dimensionless),
             )
-        for s in found:
-            _show(s, measure, which, machine, dimensionless)
-    complete = bool(found) and all(s.status.complete for s in found)
+        for s in sweeps:
+            _show(s, measure, element_id, machine, dimensionless)
+    complete = bool(sweeps) and all(s.status.complete for s in sweeps)
     raise typer.Exit(0 if complete else STOPPED_EARLY)
 
 
@@ -210,29 +210,29 @@ def basins(
     check_writable(output, (".csv",))
     check_writable(plot, FIGURES)
     machine = chosen_model(model, changes)
-    at, known = Omega_of(machine, "--omega", omega), machine.scales
-    length, rate = (None, None) if known is None else (known.length, known.velocity)
+    Omega, units = Omega_of(machine, "--omega", omega), machine.scales
+    length, rate = (None, None) if units is None else (units.length, units.velocity)
     spans = _ends("--d", d, "m", length), _ends("--v", v, "m/s", rate)
-    settling, which = (
+    settling, element_id = (
         SteadyStateSettings(tolerance, max_periods, min(16, max_periods)),
         None if element is None else element_of(element),
     )
     with bar("basins") as progress:
-        found = hb.time.basins(
-            machine, at, spans[0], spans[1], shape, element=which, settling=settling, progress=progress
+        result = hb.time.basins(
+            machine, Omega, spans[0], spans[1], shape, element=element_id, settling=settling, progress=progress
         )
     with outputs() as out:
-        out.write(output, found.export)
-        out.figure(plot, lambda drawing: drawing.basins(found, model=machine, dimensionless=dimensionless))
+        out.write(output, result.export)
+        out.figure(plot, lambda drawing: drawing.basins(result, model=machine, dimensionless=dimensionless))
         length = None if dimensionless else length
-        size, where = f"rms{'' if length is None else ' [um]'}", OmegaAxis.of(machine, dimensionless).text(at)
+        size, axis_text = f"rms{'' if length is None else ' [um]'}", OmegaAxis.of(machine, dimensionless).text(Omega)
         rows = [
             [str(a.period or "not periodic"), f"{factor_of('rms', length) * a.rms:.5g}", f"{a.share:.2%}"]
-            for a in found.attractors
+            for a in result.attractors
         ]
-        print_table(["period", size, "fraction of initial states"], rows, f"motions at {where}")
-        print(found.message)
-    raise typer.Exit(0 if found.status.complete else STOPPED_EARLY)
+        print_table(["period", size, "fraction of initial states"], rows, f"motions at {axis_text}")
+        print(result.message)
+    raise typer.Exit(0 if result.status.complete else STOPPED_EARLY)
 
 
 def _ends(option: str, text: str, unit: str, size: float | None) -> tuple[float, float]:
@@ -247,21 +247,21 @@ def _ends(option: str, text: str, unit: str, size: float | None) -> tuple[float,
 
 def _show(s: Any, measure: str, element: int | str, model: hb.mechanics.Model, dimensionless: bool) -> None:
     """Print a sweep: how it ended, its jumps, and the motions that do not have the period of the excitation."""
-    across = OmegaAxis(scales(model, {}) if s.parameter == "Omega" else {}, dimensionless=dimensionless)
-    name = across.name if across.is_speed else s.parameter
+    axis = OmegaAxis(scales(model, {}) if s.parameter == "Omega" else {}, dimensionless=dimensionless)
+    name = axis.name if axis.is_speed else s.parameter
     length = None if dimensionless else length_scale(model, {})
     factor = factor_of(measure, length)
     size, unit = factor * s.amplitude(measure, element), "" if length is None else " [um]" * dimension_of(measure)
-    message = _OMEGA.sub(lambda found: across.text(float(found[1]), 5), s.message) if across.is_speed else s.message
+    message = _OMEGA.sub(lambda match: axis.text(float(match[1]), 5), s.message) if axis.is_speed else s.message
     print(f"sweep {'up' if s.direction > 0 else 'down'}: {len(s)} values; {message}")
     jumps = []
     for jump in s.jumps:
         ends = [float(size[np.argmin(np.abs(s.values - x))]) for x in jump.interval]
-        jumps.append([*(across.number(x) for x in jump.interval), *(f"{x:.5g}" for x in ends)])
+        jumps.append([*(axis.number(x) for x in jump.interval), *(f"{x:.5g}" for x in ends)])
     if jumps:
-        headers = [f"jump after{f' {name}' if across.is_speed else ''}", "before", f"{measure}{unit} before", "after"]
+        headers = [f"jump after{f' {name}' if axis.is_speed else ''}", "before", f"{measure}{unit} before", "after"]
         print_table(headers, jumps, "jumps")
-    others = []
+    rows = []
     for i in np.flatnonzero(s.period != 1):
         distance = (
             f"remaining distance {s.remaining_distance[i]:.0e}"
@@ -273,10 +273,10 @@ def _show(s: Any, measure: str, element: int | str, model: hb.mechanics.Model, d
             f"not periodic after {s.integrated_periods[i]} periods{converging}, Lyapunov exponent {s.lyapunov[i]:.3g}"
         )
         motion = f"period {s.period[i]}" if s.period[i] else aperiodic
-        others.append([across.number(s.values[i]), motion, f"{size[i]:.5g}"])
-    if others:
+        rows.append([axis.number(s.values[i]), motion, f"{size[i]:.5g}"])
+    if rows:
         headers = [name, "motion", measure + unit]
-        print_table(headers, others, "motions that do not have the period of the excitation")
+        print_table(headers, rows, "motions that do not have the period of the excitation")
 
 
 _OMEGA = re.compile(r"Omega = (\d+(?:\.\d+)?(?:e[-+]?\d+)?)")
