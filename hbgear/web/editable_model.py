@@ -128,42 +128,42 @@ class EditableInstance(EditableModel):
         self.start, self.name = model, name
 
     def parameters(self) -> list[Parameter]:
-        found: list[Parameter] = []
+        parameters: list[Parameter] = []
         if any(name not in kinds_of(type(self.start)) for name in self.start.parameters):
-            return _of_model(self.start)
+            return _labelled_parameters(self.start)
         for name, kind in kinds_of(type(self.start)).items():
             value, label = getattr(self.start, name), str(self.start.labels.get(name, name))
             allowed = self.start.ranges.get(name, ANY)
             if kind is float and name in self.start.parameters:
-                found.append(_parameter(name, label, float(value), allowed))
+                parameters.append(_parameter(name, label, float(value), allowed))
             elif isinstance(value, tuple):
                 entries = [(i, f"{name}[{i}]") for i in range(len(value)) if f"{name}[{i}]" in self.start.entries]
-                found += [_parameter(key, f"entry {i} of {label}", float(value[i]), ANY) for i, key in entries]
-        return found
+                parameters += [_parameter(key, f"entry {i} of {label}", float(value[i]), ANY) for i, key in entries]
+        return parameters
 
     def model(self, values: Mapping[str, float]) -> Model:
-        known = {parameter.name: parameter.value for parameter in self.parameters()}
-        changes = {name: value for name, value in values.items() if value != known.get(name)}
+        initial = {parameter.name: parameter.value for parameter in self.parameters()}
+        changes = {name: value for name, value in values.items() if value != initial.get(name)}
         return self.start.replace(**changes)
 
     def changed(self, values: Mapping[str, float]) -> dict[str, Any]:
         """Return the fields that differ from the defaults."""
         model = self.model(values)
-        usual = defaults_of(type(model))
+        defaults = defaults_of(type(model))
         return {
             name: getattr(model, name)
             for name in kinds_of(type(model))
-            if name not in usual or getattr(model, name) != usual[name]
+            if name not in defaults or getattr(model, name) != defaults[name]
         }
 
     def python(self, values: Mapping[str, float]) -> str:
         cls = type(self.start)
-        own = cls.__module__.partition(".")[0] != "hbgear"
-        given = ", ".join(f"{name}={value!r}" for name, value in self.changed(values).items())
+        is_user_class = cls.__module__.partition(".")[0] != "hbgear"
+        arguments = ", ".join(f"{name}={value!r}" for name, value in self.changed(values).items())
         module = cls.__module__
         importable = Path(module).stem if module.endswith(".py") else module
-        source = f"from {importable} import {cls.__name__}\n" if own else ""
-        return f"{source}model = {'' if own else 'hb.'}{cls.__name__}({given})"
+        source = f"from {importable} import {cls.__name__}\n" if is_user_class else ""
+        return f"{source}model = {'' if is_user_class else 'hb.'}{cls.__name__}({arguments})"
 
     def toml(self, values: Mapping[str, float], span: tuple[float, float], harmonics: int) -> str:
         base = {name: value for name, value in self.changed(values).items() if _is_plain(value)}
@@ -183,7 +183,7 @@ class EditableMachine(EditableModel):
         self.machine = machine
 
     def parameters(self) -> list[Parameter]:
-        return _of_model(self.machine.model())
+        return _labelled_parameters(self.machine.model())
 
     def changed(self, values: Mapping[str, float]) -> Machine:
         """Return the machine with these values."""
@@ -191,9 +191,9 @@ class EditableMachine(EditableModel):
         for name in values:
             if name not in model.parameters:
                 raise KeyError(f"the machine has no parameter '{name}'")
-        made = model.replace(**values)
-        supports: Any = made.supports or None
-        return replace(self.machine, pair=made.pair, torque=made.torque, damping=made.damping, friction=made.friction,
+        new = model.replace(**values)
+        supports: Any = new.supports or None
+        return replace(self.machine, pair=new.pair, torque=new.torque, damping=new.damping, friction=new.friction,
                        supports=supports)  # fmt: skip
 
     def model(self, values: Mapping[str, float]) -> DrawnPair:
@@ -209,8 +209,10 @@ class EditableMachine(EditableModel):
         options += f", mesh={machine.mesh_model!r}" if machine.mesh_model else ""
         options += f", torque_orders={machine.torque_orders!r}" if machine.torque_orders else ""
         if machine.friction:
-            own = machine.friction
-            options += f", friction={own if isinstance(own, float) else _call('hb.gears.BenedictKelley', own)}"
+            friction = machine.friction
+            options += (
+                f", friction={friction if isinstance(friction, float) else _call('hb.gears.BenedictKelley', friction)}"
+            )
         if machine.supports:
             supports = ", ".join(_call("hb.gears.Support", support) for support in machine.supports)
             options += f", supports=({supports})"
@@ -230,19 +232,19 @@ _USUAL_SIZES = {"um": 50.0, "mm": 1.0}
 """Ends of the sliders of parameters that are zero, by unit."""
 
 
-def _of_model(model: Model) -> list[Parameter]:
+def _labelled_parameters(model: Model) -> list[Parameter]:
     """Return the parameters of a model with the units of their labels."""
     return [
         _parameter(name, str(model.labels.get(name, name)), value, model.ranges.get(name, ANY),
-                   most=_USUAL_SIZES.get(unit_of(str(model.labels.get(name, name)))))
+                   usual_size=_USUAL_SIZES.get(unit_of(str(model.labels.get(name, name)))))
         for name, value in model.parameters.items()
     ]  # fmt: skip
 
 
 def _parameter(
-    name: str, label: str, value: float, allowed: Range, map: bool = True, most: float | None = None
+    name: str, label: str, value: float, allowed: Range, map: bool = True, usual_size: float | None = None
 ) -> Parameter:
-    size = abs(value) or most or 1.0
+    size = abs(value) or usual_size or 1.0
     low, high = (0.2 * value, 2.5 * value) if value > 0 else (2.5 * value, 0.2 * value) if value < 0 else (-size, size)
     if not value and allowed is not ANY:
         low = max(low, allowed.low)
@@ -252,19 +254,19 @@ def _parameter(
     return Parameter(name, text, bracketed(unit_of(label)).strip(" []"), value, low, high, map, (limits[0], limits[1]))
 
 
-def _call(name: str, thing: Any, **given: str) -> str:
+def _call(name: str, obj: Any, **expressions: str) -> str:
     """Return an expression that creates an object, without arguments equal to their defaults."""
-    parts = []
-    for field in fields(thing):
+    arguments = []
+    for field in fields(obj):
         if not field.init:
             continue
-        value, default = getattr(thing, field.name), defaults_of(type(thing)).get(field.name)
+        value, default = getattr(obj, field.name), defaults_of(type(obj)).get(field.name)
         default = getattr(default, "default", default)
-        if field.name in given:
-            parts.append(f"{field.name}={given[field.name]}")
+        if field.name in expressions:
+            arguments.append(f"{field.name}={expressions[field.name]}")
         elif value != default:
-            parts.append(f"{field.name}={value!r}")
-    return f"{name}({', '.join(parts)})"
+            arguments.append(f"{field.name}={value!r}")
+    return f"{name}({', '.join(arguments)})"
 
 
 def _is_plain(value: Any) -> bool:

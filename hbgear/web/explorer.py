@@ -60,8 +60,8 @@ class Job:
     now: Progress = field(default_factory=Progress)
     cancelled: bool = False
 
-    def __call__(self, now: Progress) -> None:
-        self.now = now
+    def __call__(self, progress: Progress) -> None:
+        self.now = progress
         if self.cancelled:
             raise Superseded
 
@@ -85,12 +85,12 @@ class Request:
     harmonics: int
 
     @classmethod
-    def of(cls, given: Mapping[str, Any]) -> Request:
+    def of(cls, content: Mapping[str, Any]) -> Request:
         """Return the request that a page sent as JSON.
 
         Parameters
         ----------
-        given : mapping
+        content : mapping
             Object with the keys values, span and harmonics.
 
         Returns
@@ -103,7 +103,7 @@ class Request:
         ValueError
             If an entry is missing or has another form.
         """
-        values, span, harmonics = given.get("values"), given.get("span"), given.get("harmonics")
+        values, span, harmonics = content.get("values"), content.get("span"), content.get("harmonics")
         if not isinstance(values, dict) or not all(isinstance(name, str) for name in values):
             raise ValueError("values must be numbers by name")
         if not isinstance(span, list) or len(span) != 2:
@@ -209,18 +209,18 @@ class Explorer:
             Kind of computation; by default all kinds.
         """
         with self._lock:
-            for (owner, own_kind), job in self._jobs.items():
-                if session in (None, owner) and kind in (None, own_kind):
+            for (job_session, job_kind), job in self._jobs.items():
+                if session in (None, job_session) and kind in (None, job_kind):
                     job.cancelled = True
 
-    def curve(self, session: str, asked: Request) -> dict[str, Any]:
+    def curve(self, session: str, request: Request) -> dict[str, Any]:
         """Compute the response curve of a request.
 
         Parameters
         ----------
         session : str
             Session of the page.
-        asked : Request
+        request : Request
             Values, range and harmonics.
 
         Returns
@@ -237,7 +237,7 @@ class Explorer:
         """
         started = time.perf_counter()
         with self._job(session, "curve") as job:
-            branch = self._traced(asked, job)
+            branch = self._traced(request, job)
         with self._lock:
             self._curves[session] = branch
             self._curves.move_to_end(session)
@@ -249,14 +249,14 @@ class Explorer:
             "ended": "" if branch.status.complete else branch.message,
         }
 
-    def details(self, session: str, asked: Request) -> dict[str, Any]:
+    def details(self, session: str, request: Request) -> dict[str, Any]:
         """Return the tables of the curve that was last shown, and a Python script that computes it.
 
         Parameters
         ----------
         session : str
             Session of the page.
-        asked : Request
+        request : Request
             Values, range and harmonics of the curve.
 
         Returns
@@ -269,29 +269,29 @@ class Explorer:
         ValueError
             If the session has no curve yet.
         """
-        branch = self._shown(session)
+        branch = self._last_curve(session)
         curves = branch.curves
         names = [f"branch {i + 1}" for i in range(len(curves))]
-        found = [tables(curve, curves, names) for curve in curves]
-        return {"tables": found, "model": shortened(title_of(branch), 160), "python": self.python(asked)}
+        curve_tables = [tables(curve, curves, names) for curve in curves]
+        return {"tables": curve_tables, "model": shortened(title_of(branch), 160), "python": self.python(request)}
 
-    def _shown(self, session: str) -> Branch:
+    def _last_curve(self, session: str) -> Branch:
         with self._lock:
             branch = self._curves.get(session)
         if branch is None:
             raise ValueError("there is no curve yet")
         return branch
 
-    def _traced(self, asked: Request, job: Job) -> Branch:
-        problem = HarmonicBalance(self.subject.model(asked.values), asked.harmonics)
-        return trace(problem, "Omega", asked.span, progress=job)
+    def _traced(self, request: Request, job: Job) -> Branch:
+        problem = HarmonicBalance(self.subject.model(request.values), request.harmonics)
+        return trace(problem, "Omega", request.span, progress=job)
 
-    def python(self, asked: Request) -> str:
+    def python(self, request: Request) -> str:
         """Return a script that computes the same curve.
 
         Parameters
         ----------
-        asked : Request
+        request : Request
             Values, range and harmonics.
 
         Returns
@@ -300,19 +300,19 @@ class Explorer:
             Python script.
         """
         return (
-            f"import hbgear as hb\n\n{self.subject.python(asked.values)}\n"
-            f"curve = hb.trace(hb.HarmonicBalance(model, {asked.harmonics}), 'Omega', {asked.span!r})\n"
+            f"import hbgear as hb\n\n{self.subject.python(request.values)}\n"
+            f"curve = hb.trace(hb.HarmonicBalance(model, {request.harmonics}), 'Omega', {request.span!r})\n"
             "for jump in curve.jumps():\n    print(jump.label, jump.value, jump.direction)\n"
         )
 
-    def jump_map(self, session: str, asked: Request, axes: Any) -> dict[str, Any]:
+    def jump_map(self, session: str, request: Request, axes: Any) -> dict[str, Any]:
         """Compute a jump map in a plane of two parameters, one of which may be Omega.
 
         Parameters
         ----------
         session : str
             Session of the page.
-        asked : Request
+        request : Request
             Values and harmonics.
         axes : dict
             ``{"x": [name, from, to], "y": [name, from, to], "Omega": value}``; the value of Omega is used if
@@ -332,25 +332,25 @@ class Explorer:
         """
         ends = _ends(axes)
         x, y = ends
-        model = self.subject.model(asked.values)
+        model = self.subject.model(request.values)
         for name in ends:
             if name != "Omega" and name not in model.parameters | model.entries:
                 raise KeyError(f"{type(model).__name__} has no parameter '{name}'")
         with self._job(session, "map") as job:
             if "Omega" in ends:
-                lines, message = _over_Omega(model, ends, asked.harmonics, job)
+                lines, message = _map_over_Omega(model, ends, request.harmonics, job)
             else:
-                lines, message = _over_two(model, ends, asked.harmonics, _number("Omega", axes.get("Omega")), job)
-        shown = [{"x": plain(line[x], 9), "y": plain(line[y], 9), "kind": line["kind"]} for line in lines]
+                lines, message = _map_over_two(model, ends, request.harmonics, _number("Omega", axes.get("Omega")), job)
+        map_lines = [{"x": plain(line[x], 9), "y": plain(line[y], 9), "kind": line["kind"]} for line in lines]
         labels = [in_html(str(model.labels.get(name, name))) for name in ends]
-        return {"lines": shown, "labels": labels, "message": message}
+        return {"lines": map_lines, "labels": labels, "message": message}
 
-    def measured(self, asked: Request, content: bytes, name: str) -> dict[str, Any]:
+    def measured(self, request: Request, content: bytes, name: str) -> dict[str, Any]:
         """Return the measured points of a file whose bytes the page has read.
 
         Parameters
         ----------
-        asked : Request
+        request : Request
             Values of the model, whose scales convert the data.
         content : bytes
             Content of the file.
@@ -362,11 +362,11 @@ class Explorer:
         dict
             Groups of dots, see `hbgear.web.overlay.dots`.
         """
-        model = self.subject.model(asked.values)
+        model = self.subject.model(request.values)
         data = measurements_of(content, name)
         return {"groups": dots(data, name, units_of(model), unit_of(str(model.labels.get("amplitude", ""))))}
 
-    def saved_as(self, session: str, kind: str, asked: Request) -> tuple[str, bytes]:
+    def saved_as(self, session: str, kind: str, request: Request) -> tuple[str, bytes]:
         """Return name and content of a file to save.
 
         Parameters
@@ -375,7 +375,7 @@ class Explorer:
             Session of the page.
         kind : {"npz", "html", "toml", "py"}
             Curve that was last shown ("npz", "html"), or the design ("toml", "py").
-        asked : Request
+        request : Request
             Values, range and harmonics of the design.
 
         Returns
@@ -389,10 +389,10 @@ class Explorer:
             If the session has no curve yet, or the kind is unknown.
         """
         if kind == "toml":
-            return "design.toml", self.subject.toml(asked.values, asked.span, asked.harmonics).encode()
+            return "design.toml", self.subject.toml(request.values, request.span, request.harmonics).encode()
         if kind == "py":
-            return "design.py", self.python(asked).encode()
-        branch = self._shown(session)
+            return "design.py", self.python(request).encode()
+        branch = self._last_curve(session)
         if kind == "npz":
             return "curve.npz", packed(branch)
         if kind == "html":
@@ -404,10 +404,10 @@ def _ends(axes: Any) -> dict[str, tuple[float, float]]:
     """Return the ranges of two parameters by name, the horizontal axis first; raise ValueError if one is invalid."""
     ends: dict[str, tuple[float, float]] = {}
     for axis in ("x", "y"):
-        given = axes.get(axis) if isinstance(axes, dict) else None
-        if not isinstance(given, list) or len(given) != 3 or not isinstance(given[0], str):
+        entry = axes.get(axis) if isinstance(axes, dict) else None
+        if not isinstance(entry, list) or len(entry) != 3 or not isinstance(entry[0], str):
             raise ValueError("a jump map needs two parameters, each with its range")
-        ends[given[0]] = (_number(given[0], given[1]), _number(given[0], given[2]))
+        ends[entry[0]] = (_number(entry[0], entry[1]), _number(entry[0], entry[2]))
     if len(ends) < 2:
         raise ValueError("a jump map needs two different parameters")
     return ends
@@ -417,35 +417,35 @@ def _line(branch: Branch) -> dict[str, Any]:
     return {"name": "saved curve", "mode": "lines", "x": plain(branch.values), "y": plain(branch.amplitude("pp2"))}
 
 
-def _over_Omega(
+def _map_over_Omega(
     model: Model, ends: Mapping[str, tuple[float, float]], harmonics: int, job: Job
 ) -> tuple[list[dict[str, Any]], str]:
     """Compute jump frequencies over a parameter."""
     parameter = next(name for name in ends if name != "Omega")
     low, high = sorted(ends["Omega"])
-    found = jump_map(model, parameter, ends[parameter], frequencies=(low, high), harmonics=harmonics, progress=job)
+    result = jump_map(model, parameter, ends[parameter], frequencies=(low, high), harmonics=harmonics, progress=job)
     names = {1: "jump, sweep up", -1: "jump, sweep down"}
-    lines = [{parameter: arm.values, "Omega": arm.Omega, "kind": names[arm.direction]} for arm in found.arms]
-    return lines, "" if found.status.complete and lines else found.message or "no jump found in this range"
+    lines = [{parameter: arm.values, "Omega": arm.Omega, "kind": names[arm.direction]} for arm in result.arms]
+    return lines, "" if result.status.complete and lines else result.message or "no jump found in this range"
 
 
-def _over_two(
+def _map_over_two(
     model: Model, ends: Mapping[str, tuple[float, float]], harmonics: int, Omega: float, job: Job
 ) -> tuple[list[dict[str, Any]], str]:
     """Compute folds of branches in one parameter at a fixed Omega, and continue them in another parameter."""
-    (first, span), (second, other) = ends.items()
+    (first, span), (second, second_span) = ends.items()
     lines: list[dict[str, Any]] = []
     value = (model.parameters | model.entries)[second]
-    inside = min(other) <= value <= max(other)
-    for start in [value] if inside else np.linspace(*other, 3).tolist():
+    contains_value = min(second_span) <= value <= max(second_span)
+    for start in [value] if contains_value else np.linspace(*second_span, 3).tolist():
         problem = HarmonicBalance(model.replace(**{second: start}), harmonics)
         curve = trace(problem, first, span, at={"Omega": Omega}, progress=job)
         for point in [p for p in curve.special if p.kind == "LP" and p.located]:
-            for end in other:
+            for end in second_span:
                 if end != start:
                     folds = follow(curve, point, second, (start, end), progress=job)
                     x = folds.tracked[first]
                     within = (x >= min(span)) & (x <= max(span))
-                    shown = np.where(within, x, np.nan)
-                    lines.append({first: shown, second: folds.values, "kind": f"fold ({point.label})"})
+                    inside_span = np.where(within, x, np.nan)
+                    lines.append({first: inside_span, second: folds.values, "kind": f"fold ({point.label})"})
     return lines, "" if lines else f"no fold in {first} at Omega = {Omega:g}: choose a wider range or another Omega"

@@ -45,9 +45,11 @@ def dots_of(path: str | os.PathLike[str], branches: Sequence[Branch]) -> list[di
     """
     if not os.path.exists(path):
         raise FileNotFoundError(f"there is no file '{path}'; give a table of measured points")
-    other = next((branch.parameter for branch in branches if branch.parameter != "Omega"), None)
-    if other is not None:
-        raise ValueError(f"'{path}' has frequencies; a branch is in {other}; measured points need branches in Omega")
+    parameter = next((branch.parameter for branch in branches if branch.parameter != "Omega"), None)
+    if parameter is not None:
+        raise ValueError(
+            f"'{path}' has frequencies; a branch is in {parameter}; measured points need branches in Omega"
+        )
     data = measurements_of(bytes_of_file(path, "measured points"), os.fspath(path))
     units = {unit_of(label_of(branch, "amplitude")) for branch in branches}
     if len(units) > 1 and data.length:
@@ -55,7 +57,7 @@ def dots_of(path: str | os.PathLike[str], branches: Sequence[Branch]) -> list[di
     return dots(data, os.path.basename(os.fspath(path)), _units(branches), units.pop())
 
 
-def dots(data: Measurements, name: str, known: Mapping[str, float], amplitude: str) -> list[dict[str, Any]]:
+def dots(data: Measurements, name: str, units: Mapping[str, float], amplitude: str) -> list[dict[str, Any]]:
     """Return measured points as groups of dots, and measured jumps as vertical lines: one group for each direction.
 
     Parameters
@@ -64,7 +66,7 @@ def dots(data: Measurements, name: str, known: Mapping[str, float], amplitude: s
         Measured points and jumps.
     name : str
         Name of the file.
-    known : mapping of str to float
+    units : mapping of str to float
         Scales of the model, see `units_of`.
     amplitude : str
         Unit of the amplitude axis; "1" or "" if it has no unit.
@@ -74,18 +76,18 @@ def dots(data: Measurements, name: str, known: Mapping[str, float], amplitude: s
     list of dict
         Groups of dots, as JSON of the page.
     """
-    Omega, size, _ = data.in_units(known, amplitude)
-    jumps = [(x / data.frequency_unit(known), direction) for x, direction, _ in data.jumps]
+    Omega, size, _ = data.in_units(units, amplitude)
+    jumps = [(x / data.frequency_unit(units), direction) for x, direction, _ in data.jumps]
     directions = {int(d) for d in data.directions} | {direction for _, direction in jumps}
     groups = []
     for direction, word, symbol in _SWEEPS:
         if direction in directions:
             alone = directions == {1}
-            mine = data.directions == direction
+            selected = data.directions == direction
             groups.append({
                 "name": name if alone else f"{name}, {word}", "mode": "markers", "file": name, "measure": data.measure,
-                "symbol": "circle-open" if alone else symbol, "x": plain(Omega[mine]), "y": plain(size[mine]),
-                "jumps": plain([x for x, own in jumps if own == direction]),
+                "symbol": "circle-open" if alone else symbol, "x": plain(Omega[selected]), "y": plain(size[selected]),
+                "jumps": plain([x for x, jump_direction in jumps if jump_direction == direction]),
             })  # fmt: skip
     return groups
 
@@ -122,14 +124,16 @@ def lines_of_motions(branch: Branch, name: str = "") -> list[dict[str, Any]]:
         raise ValueError("lines are drawn for backbones, and for tori in Omega")
     layout: Any = branch.layout
     x = branch.values if kind == "tori" else branch.tracked["Omega"]
-    shown: dict[bool | str | None, Any] = {}
+    masks: dict[bool | str | None, Any] = {}
     for (_, stable), first, last in sections(branch, 0):
-        shown.setdefault(stable, np.zeros(len(branch), dtype=bool))[first : last + 1] = True
+        masks.setdefault(stable, np.zeros(len(branch), dtype=bool))[first : last + 1] = True
     out: list[dict[str, Any]] = []
     heights = {measure: [branch.amplitude(measure, j) for j in range(len(layout.elements))]
                for measure in ("pp2", "rms", "max", "mean")}  # fmt: skip
-    for stable, mask in shown.items():
-        sizes = {measure: [plain(np.where(mask, y, np.nan)) for y in each] for measure, each in heights.items()}
+    for stable, mask in masks.items():
+        sizes = {
+            measure: [plain(np.where(mask, y, np.nan)) for y in by_element] for measure, by_element in heights.items()
+        }
         dash = "dashdot" if kind == "backbone" else _DASHES[stable]
         text = name or _NAMES[kind]
         out.append({"name": f"{text}, {stable or 'unstable'}" if out else text, "mode": "lines", "x": plain(x),
@@ -162,9 +166,9 @@ def facts_of_motions(branch: Branch) -> list[list[str]]:
 
 def _units(branches: Sequence[Branch]) -> dict[str, float]:
     """Return the scales that hold at every point of every branch; empty if they differ."""
-    found = []
+    rows = []
     for branch in branches:
         model = model_of(branch)
         for i in range(len(branch)) if branch.tracked else (0,):
-            found.append({} if model is None else units_of(model.at(branch.parameters_at(i))))
-    return same_scales(found)
+            rows.append({} if model is None else units_of(model.at(branch.parameters_at(i))))
+    return same_scales(rows)

@@ -93,7 +93,7 @@ def policy_of(text: str, connect: str) -> str:
     Plotly adds styles while it draws and exports figures as data and blobs.
     """
     hashes = {sha256(script.encode()).digest() for script in re.findall(r"<script>(.*?)</script>", text, re.DOTALL)}
-    scripts = " ".join(sorted(f"'sha256-{b64encode(each).decode()}'" for each in hashes))
+    scripts = " ".join(sorted(f"'sha256-{b64encode(digest).decode()}'" for digest in hashes))
     return (f"default-src 'none'; script-src {scripts}; style-src 'unsafe-inline'; img-src data: blob:; "
             f"connect-src {connect}; base-uri 'none'; form-action 'none'")  # fmt: skip
 

@@ -59,7 +59,7 @@ class Report:
         Spaces other than " " are written as numbers: publishing tools expand tabs and strip lines, and the security
         policy of the page refuses changed scripts.
         """
-        escaped = _OTHER_SPACES.sub(lambda found: f"&#{ord(found[0])};", html.escape(self.html))
+        escaped = _OTHER_SPACES.sub(lambda match: f"&#{ord(match[0])};", html.escape(self.html))
         return (
             f'<iframe srcdoc="{escaped}" title="{html.escape(self.title)}" '
             'style="width:100%;height:780px;border:1px solid #ccc"></iframe>'
@@ -147,19 +147,22 @@ def report(
         raise ValueError("a report needs a response curve; tori and backbones are drawn on it")
     models = [title_of(branch) for branch in branches]
     alike = len(set(models)) < len(models)
-    shown = views(branches, names or ([f"curve {i + 1}" for i in range(len(branches))] if alike else models))
+    curve_views = views(branches, names or ([f"curve {i + 1}" for i in range(len(branches))] if alike else models))
     title = title or shortened(models[0], 100)
     checks = [validation] if isinstance(validation, Validation) else list(validation)
-    found = [study if isinstance(study, Cases) else read_results(study) for study in studies]
-    called = [f"study {i if isinstance(study, Cases) else _name_of(study)}" for i, study in enumerate(studies, 1)]
-    behind = [line for study, name in zip(found, called, strict=True) for line in lines_of(study, name)]
+    study_results = [study if isinstance(study, Cases) else read_results(study) for study in studies]
+    study_names = [
+        f"study {i if isinstance(study, Cases) else _study_name(study)}" for i, study in enumerate(studies, 1)
+    ]
+    behind = [line for study, name in zip(study_results, study_names, strict=True) for line in lines_of(study, name)]
     behind += [group for path in measured for group in dots_of(path, branches)]
     behind += [line for branch, name in lines for line in lines_of_motions(branch, name)]
-    data = {"curves": shown, "behind": behind}
+    data = {"curves": curve_views, "behind": behind}
     text = page(
-        "report.html", data, title=title, shown=shown, checks=[_checked(check) for check in checks],
+        "report.html", data, title=title, shown=curve_views, checks=[_checked(check) for check in checks],
         other_motions=[(name, facts_of_motions(branch)) for branch, name in lines],
-        studies=[study_section(study, name) for study, name in zip(found, called, strict=True)], plotly=plotly_script(),
+        studies=[study_section(study, name) for study, name in zip(study_results, study_names, strict=True)],
+        plotly=plotly_script(),
     )  # fmt: skip
     return Report(title, text)
 
@@ -171,7 +174,7 @@ def _checked(check: Validation) -> dict[str, Any]:
     return {"summary": check.summary, "ok": check.ok, "tables": tables}
 
 
-def _name_of(path: str | os.PathLike[str]) -> str:
+def _study_name(path: str | os.PathLike[str]) -> str:
     """Return the name of a study in a file: that of its folder, or of the table unless it is ``table.npz``."""
     file = Path(path).resolve()
     return file.name if file.is_dir() else file.parent.name if file.name == "table.npz" else file.stem

@@ -44,16 +44,16 @@ def _protect(flask: Any, app: Any, token: str, hosts: Callable[[], set[str]]) ->
     @app.before_request
     def guard() -> Any:
         """Refuse requests to other hosts, from other pages, and without the token."""
-        known = hosts()
+        accepted = hosts()
         origin = flask.request.headers.get("Origin")
-        given = flask.request.headers.get("X-Hbgear-Token") or flask.request.args.get("token", "")
-        if flask.request.host not in known:
+        sent_token = flask.request.headers.get("X-Hbgear-Token") or flask.request.args.get("token", "")
+        if flask.request.host not in accepted:
             return "this host is not served here", 403
-        if origin is not None and origin not in {f"http://{host}" for host in known}:
+        if origin is not None and origin not in {f"http://{host}" for host in accepted}:
             return "requests from other pages are refused", 403
         if flask.request.headers.get("Sec-Fetch-Site", "none") not in ("same-origin", "none"):
             return "requests from other pages are refused", 403
-        if not secrets.compare_digest(given.encode(), token.encode()):
+        if not secrets.compare_digest(sent_token.encode(), token.encode()):
             return "the token is missing or of another run; open the address that hbgear explore printed", 403
         return None
 
@@ -104,34 +104,34 @@ def application(explorer: Explorer, title: str, token: str, hosts: Callable[[], 
 
     def sent() -> Any:
         """Return the JSON of the request; None if it is invalid."""
-        given = request.get_json(silent=True)
-        if too_deep(given):
+        body = request.get_json(silent=True)
+        if too_deep(body):
             raise RecursionError
-        return given
+        return body
 
     def answered(answer: Answer, **route: str) -> Any:
         """Return the result, an empty response if the computation was superseded, or an error message."""
-        given = sent()
+        body = sent()
         try:
-            if not isinstance(given, dict):
+            if not isinstance(body, dict):
                 raise ValueError("the request must be a JSON object")
-            return answer({**given, **route}, str(given.get("session", ""))[:64], Request.of(given))
+            return answer({**body, **route}, str(body.get("session", ""))[:64], Request.of(body))
         except Superseded:
             return "", 204  # not an error status: browsers would log it for each move of a slider
         except (ValueError, KeyError, NoConvergence, ArithmeticError) as error:
             text = error.args[0] if isinstance(error, KeyError) and error.args else error
             return flask.jsonify(error=str(text))  # no error status, for the same reason: the page shows the sentence
 
-    def file(given: dict[str, Any], session: str, asked: Request) -> Any:
-        name, content = explorer.saved_as(session, given["kind"], asked)
+    def file(body: dict[str, Any], session: str, query: Request) -> Any:
+        name, content = explorer.saved_as(session, body["kind"], query)
         return flask.Response(content, mimetype="application/octet-stream", headers={"X-Name": name})
 
     answers: dict[str, Answer] = {
-        "/curve": lambda given, session, asked: explorer.curve(session, asked),
-        "/details": lambda given, session, asked: explorer.details(session, asked),
-        "/map": lambda given, session, asked: explorer.jump_map(session, asked, given.get("axes")),
-        "/measured": lambda given, session, asked: explorer.measured(
-            asked, _bytes(given.get("content")), str(given.get("name", "points"))[:80]
+        "/curve": lambda body, session, query: explorer.curve(session, query),
+        "/details": lambda body, session, query: explorer.details(session, query),
+        "/map": lambda body, session, query: explorer.jump_map(session, query, body.get("axes")),
+        "/measured": lambda body, session, query: explorer.measured(
+            query, _bytes(body.get("content")), str(body.get("name", "points"))[:80]
         ),
         "/save/<kind>": file,
     }
@@ -139,7 +139,7 @@ def application(explorer: Explorer, title: str, token: str, hosts: Callable[[], 
         app.add_url_rule(path, path, partial(answered, answer), methods=["POST"])
 
     @app.get("/")
-    def whole() -> Any:
+    def start_page() -> Any:
         return page("explorer.html", explorer.start(), "'self'", title=title, token=token, plotly=plotly_script())
 
     @app.get("/progress")
@@ -148,9 +148,9 @@ def application(explorer: Explorer, title: str, token: str, hosts: Callable[[], 
 
     @app.post("/cancel")
     def cancel() -> Any:
-        given = sent()
-        if isinstance(given, dict):
-            explorer.cancel(str(given.get("session", "")), str(given.get("kind", "")))
+        body = sent()
+        if isinstance(body, dict):
+            explorer.cancel(str(body.get("session", "")), str(body.get("kind", "")))
         return {}
 
     return app
@@ -199,16 +199,16 @@ class Server:
                 pass
 
         try:
-            taken = _listening(port)
-            self.port = int(taken.getsockname()[1])
+            listener = _listening(port)
+            self.port = int(listener.getsockname()[1])
             self._server = serving.make_server(
-                HOST, self.port, app, threaded=True, request_handler=QuietHandler, fd=taken.fileno()
+                HOST, self.port, app, threaded=True, request_handler=QuietHandler, fd=listener.fileno()
             )
-            taken.close()  # the server has a duplicate
+            listener.close()  # the server has a duplicate
         except OSError as error:
-            taken_already = error.errno == errno.EADDRINUSE
-            why = "is taken by another program" if taken_already else f"cannot be used ({error.strerror})"
-            raise ValueError(f"port {port} {why}; give another by --port, or none for any that is free") from None
+            in_use = error.errno == errno.EADDRINUSE
+            reason = "is taken by another program" if in_use else f"cannot be used ({error.strerror})"
+            raise ValueError(f"port {port} {reason}; give another by --port, or none for any that is free") from None
         self._server.daemon_threads = True
 
     def _hosts(self) -> set[str]:
@@ -230,13 +230,13 @@ class Server:
 
 def _listening(port: int) -> Any:
     """Return a socket that listens at a port."""
-    found = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+    listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
     if os.name == "posix":  # reuse a recently closed port; other systems would share the port
-        found.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
-        found.bind((HOST, port))
-        found.listen(64)
+        listener.bind((HOST, port))
+        listener.listen(64)
     except (OSError, OverflowError):
-        found.close()
+        listener.close()
         raise
-    return found
+    return listener

@@ -42,11 +42,13 @@ def lines_of(study: Study, name: str) -> list[dict[str, Any]]:
         Lines, as JSON of the page.
     """
     cases = list(study.curves)
-    some = [cases[i] for i in np.unique(np.linspace(0, len(cases) - 1, min(_MAX_DRAWN_CURVES, len(cases))).astype(int))]
-    legend = [{"name": name, "mode": "lines", "x": [None], "y": [None], "legend": True}] if some else []
+    drawn_cases = [
+        cases[i] for i in np.unique(np.linspace(0, len(cases) - 1, min(_MAX_DRAWN_CURVES, len(cases))).astype(int))
+    ]
+    legend = [{"name": name, "mode": "lines", "x": [None], "y": [None], "legend": True}] if drawn_cases else []
     return legend + [
         {"name": f"case {case}", "mode": "lines", "x": plain(study.curves[case][0]), "y": plain(study.curves[case][1])}
-        for case in some
+        for case in drawn_cases
     ]
 
 
@@ -67,10 +69,10 @@ def study_section(study: Study, name: str) -> dict[str, Any]:
     """
     table = study.table
     failed = int(np.sum(table["reason"] != "")) if "reason" in table else 0
-    drawn = min(_MAX_DRAWN_CURVES, len(study.curves))
-    which = f"{drawn} of {len(study.curves)}" if drawn < len(study.curves) else "all"
+    drawn_count = min(_MAX_DRAWN_CURVES, len(study.curves))
+    portion = f"{drawn_count} of {len(study.curves)}" if drawn_count < len(study.curves) else "all"
     summary = f"{len(table['case'])} cases" + (f", {failed} of which failed" if failed else "")
-    curves = f"; {which} of their curves are drawn as thin lines" if study.curves else ""
+    curves = f"; {portion} of their curves are drawn as thin lines" if study.curves else ""
     tables = [("Distribution over the cases", ["", *_PERCENTILES], _distribution(table))]
     if len(study.jumps):
         headers = [
@@ -94,9 +96,9 @@ def _distribution(table: dict[str, Any]) -> list[list[str]]:
     for name, column in table.items():
         if name in ("case", "seconds") or column.dtype.kind not in "if":
             continue
-        known = column[np.isfinite(column)]
-        if len(known):
-            values = np.percentile(known, list(_PERCENTILES.values()), method="inverted_cdf")
+        finite = column[np.isfinite(column)]
+        if len(finite):
+            values = np.percentile(finite, list(_PERCENTILES.values()), method="inverted_cdf")
             rows.append([name, *(_number(float(value)) for value in values)])
     return rows
 
@@ -105,14 +107,21 @@ def _jumps(jumps: Array, count: int) -> list[list[str]]:
     """Return for each sweep direction the number of cases that jump, and percentiles of frequency and amplitudes."""
     rows = []
     for direction, name in ((1, "up"), (-1, "down")):
-        own = jumps[jumps[:, 2] == direction]
-        if not len(own):
+        rows_of_direction = jumps[jumps[:, 2] == direction]
+        if not len(rows_of_direction):
             rows.append([name, f"0 of {count}", *["-"] * 5])
             continue
-        where = np.percentile(own[:, 1], (5, 50, 95), method="inverted_cdf")
-        sizes = [each[np.isfinite(each)] for each in own[:, 3:].T]
-        middle = [rounded(float(np.median(each)), 4) if len(each) else "-" for each in sizes]
-        rows.append([name, f"{len(np.unique(own[:, 0]))} of {count}", *(rounded(float(w), 5) for w in where), *middle])
+        frequencies = np.percentile(rows_of_direction[:, 1], (5, 50, 95), method="inverted_cdf")
+        sizes = [values[np.isfinite(values)] for values in rows_of_direction[:, 3:].T]
+        middle = [rounded(float(np.median(values)), 4) if len(values) else "-" for values in sizes]
+        rows.append(
+            [
+                name,
+                f"{len(np.unique(rows_of_direction[:, 0]))} of {count}",
+                *(rounded(float(w), 5) for w in frequencies),
+                *middle,
+            ]
+        )
     return rows
 
 

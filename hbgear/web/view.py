@@ -64,17 +64,17 @@ def views(branches: Sequence[Branch], names: Sequence[str], whole: bool = True) 
     ValueError
         If a branch does not consist of periodic motions.
     """
-    curves, called = [], []
+    curves, labels = [], []
     for branch, name in zip(branches, names, strict=True):
         for number, curve in enumerate(branch.curves, 1):
             curves.append(with_known_problem(curve))
-            called.append(f"{name}, branch {number}" if branch.others else name)
-    for curve, name in zip(curves, called, strict=True):
+            labels.append(f"{name}, branch {number}" if branch.others else name)
+    for curve, name in zip(curves, labels, strict=True):
         if layout_of(curve) is None or not len(curve):
             raise ValueError(f"{name} is not a branch of periodic motions; a page shows only these")
     return [
-        view(curve, name, found, whole) | (tables(curve, curves, called) if whole else {})
-        for curve, name, found in zip(curves, called, landings(curves), strict=True)
+        view(curve, name, curve_landings, whole) | (tables(curve, curves, labels) if whole else {})
+        for curve, name, curve_landings in zip(curves, labels, landings(curves), strict=True)
     ]
 
 
@@ -99,10 +99,10 @@ def view(branch: Branch, name: str, found: Sequence[Landing] = (), whole: bool =
     """
     layout = layout_of(branch)
     assert layout is not None
-    each = range(len(layout.elements))
-    known = common_scales([branch])
-    length = length_scale(model_of(branch), branch.parameters_at(0)) if known else None
-    quantities = _quantities(branch, each, whole) if length else {}
+    elements = range(len(layout.elements))
+    units = common_scales([branch])
+    length = length_scale(model_of(branch), branch.parameters_at(0)) if units else None
+    quantities = _quantities(branch, elements, whole) if length else {}
     axes = {name: entry.label for name, entry in quantities.items()}
     label = label_of(branch, branch.parameter)
     motion = layout.labels.get("amplitude", "gap")
@@ -117,8 +117,8 @@ def view(branch: Branch, name: str, found: Sequence[Landing] = (), whole: bool =
         "x": plain(branch.values, 10),
         "Omega": plain(Omega, 10),
         "scales": {
-            "Hz": known.get(MESH),
-            "rpm": known.get(PINION),
+            "Hz": units.get(MESH),
+            "rpm": units.get(PINION),
             "um": 1e6 * length if length else None,
             "rate": getattr(getattr(model_of(branch), "scales", None), "frequency", None) if length else None,
         },
@@ -126,12 +126,12 @@ def view(branch: Branch, name: str, found: Sequence[Landing] = (), whole: bool =
         "breakpoints": [list(points) for points in layout.breakpoints],
         "harmonics": layout.harmonics,
         "nu": layout.nu,
-        "amplitudes": {m: [plain(branch.amplitude(m, j)) for j in each] for m in _measures()}
+        "amplitudes": {m: [plain(branch.amplitude(m, j)) for j in elements] for m in _measures()}
         | {name: [plain(values) for values in entry.values] for name, entry in quantities.items()},
         "measures": {name: without_unit(label) for name, label in axes.items()} | _measures(),
         "axes": axes,
         "sections": [
-            [[regime, _stability(s), first, last] for (regime, s), first, last in sections(branch, j)] for j in each
+            [[regime, _stability(s), first, last] for (regime, s), first, last in sections(branch, j)] for j in elements
         ],
         "stability": branch.stability,
         "regimes": branch.regimes,
@@ -140,7 +140,7 @@ def view(branch: Branch, name: str, found: Sequence[Landing] = (), whole: bool =
         "special": _special(branch, layout, quantities),
         "jumps": _jumps(layout, found, branch, quantities),
         "asymptotes": list(branch.asymptotes.values()),
-        "top": _tops(branch, each, quantities) if branch.asymptotes else None,
+        "top": _tops(branch, elements, quantities) if branch.asymptotes else None,
         "status": str(branch.status),
         "message": message_of(branch),
     }
@@ -169,8 +169,8 @@ def tables(branch: Branch, curves: Sequence[Branch], names: Sequence[str]) -> di
     return {
         "parameters": parameter_rows(branch),
         "facts": [[in_figure(name), text] for name, text in summary_facts(branch) if text],
-        "specialTable": [[in_figure(each) for each in special_headers], special_rows],
-        "jumpTable": [[in_figure(each) for each in headers], rows],
+        "specialTable": [[in_figure(header) for header in special_headers], special_rows],
+        "jumpTable": [[in_figure(header) for header in headers], rows],
         "notes": notes,
         "reliability": reliability_lines(branch),
     }
@@ -282,20 +282,23 @@ def _quantities(branch: Branch, elements: Sequence[int], whole: bool) -> dict[st
     except ValueError:
         return {}
     branch = replace(branch, problem=problem)
-    found = {}
+    quantities = {}
     for name in ("dte", "dynamic factor", "force") if whole else ("dte",):
         heights = [Ordinate(name, j) for j in elements]
         with suppress(ValueError):  # no static force
             values = [height.along(branch) for height in heights]
-            found[name] = _Quantity(heights[0].label(branch), values, heights)
-    return found
+            quantities[name] = _Quantity(heights[0].label(branch), values, heights)
+    return quantities
 
 
 def _tops(branch: Branch, elements: Sequence[int], quantities: _Quantities) -> dict[str, list[float]]:
     """Return upper limits of the axes of a branch that goes to infinity, by measure and element."""
     sizes = {m: [branch.amplitude(m, j) for j in elements] for m in _measures()}
     sizes |= {name: entry.values for name, entry in quantities.items()}
-    return {m: [HEADROOM * bounded(branch, of) for of in each] for m, each in sizes.items()}
+    return {
+        m: [HEADROOM * bounded(branch, sizes_of_element) for sizes_of_element in by_element]
+        for m, by_element in sizes.items()
+    }
 
 
 def _stability(stable: bool | str | None) -> str:
@@ -310,34 +313,34 @@ def _sizes(layout: Layout, points: Sequence[Point]) -> list[dict[str, list[float
     width = max(rows.shape[1] for rows in X)  # special points may have more harmonics than their curve
     padded = np.array([np.pad(rows, ((0, 0), (0, width - rows.shape[1]))) for rows in X])
     sizes = {m: layout.measure_rows(m, padded) for m in _measures()}
-    return [{m: plain(of[i]) for m, of in sizes.items()} for i in range(len(points))]
+    return [{m: plain(rows_of_measure[i]) for m, rows_of_measure in sizes.items()} for i in range(len(points))]
 
 
 def _special(branch: Branch, layout: Layout, quantities: _Quantities) -> list[dict[str, Any]]:
-    out = []
+    entries = []
     for point, amplitudes in zip(branch.special, _sizes(layout, branch.special), strict=True):
         sizes = amplitudes | {name: entry.at(point, branch) for name, entry in quantities.items()}
         event = named(point)
-        out.append({
+        entries.append({
             "label": point.label, "kind": point.kind, "meaning": legend_entry(event), "marker": event.marker,
             "index": point.index, "x": point.parameters[branch.parameter], "sizes": sizes, "stability": point.stability,
             "certified": f"{certified_header(branch)}: {certified_text(branch, point)}" if point.certificate else "",
         })  # fmt: skip
-    return out
+    return entries
 
 
-def _jumps(layout: Layout, found: Sequence[Landing], branch: Branch, quantities: _Quantities) -> list[dict[str, Any]]:
-    def own(point: Point) -> dict[str, list[float | None]]:
+def _jumps(layout: Layout, landed: Sequence[Landing], branch: Branch, quantities: _Quantities) -> list[dict[str, Any]]:
+    def heights(point: Point) -> dict[str, list[float | None]]:
         return {name: entry.at(point, branch) for name, entry in quantities.items()}
 
-    before = _sizes(layout, [landing.jump.before for landing in found])
-    out = []
-    for landing, size in zip(found, before, strict=True):
+    before = _sizes(layout, [landing.jump.before for landing in landed])
+    entries = []
+    for landing, size in zip(landed, before, strict=True):
         jump = landing.jump
         end = None if jump.after is None else layout_of(jump.after)
-        out.append({
-            "label": jump.label, "x": jump.value, "direction": jump.direction, "before": size | own(jump.before),
+        entries.append({
+            "label": jump.label, "x": jump.value, "direction": jump.direction, "before": size | heights(jump.before),
             "landing": jump.landing_description,
-            "after": None if end is None or jump.after is None else _sizes(end, [jump.after])[0] | own(jump.after),
+            "after": None if end is None or jump.after is None else _sizes(end, [jump.after])[0] | heights(jump.after),
         })  # fmt: skip
-    return out
+    return entries
