@@ -120,7 +120,7 @@ def explore(
     span = (span[0] if first is None else Omega_of(model_shown, "--from", first),
             span[1] if last is None else Omega_of(model_shown, "--to", last))  # fmt: skip
     server = Server(
-        Explorer(subject, span, harmonics or H, saved, [hb.load(each) for each in also or ()]), Path(what).stem, port
+        Explorer(subject, span, harmonics or H, saved, [hb.load(path) for path in also or ()]), Path(what).stem, port
     )
     print(f"open {server.address}\nend with Ctrl-C", flush=True)
     if browser and not webbrowser.open(server.address):
@@ -131,7 +131,7 @@ def explore(
 
 
 def explored(
-    what: str, changes: list[str] | None, model_class_name: str | None, allow_code: bool = False
+    source: str, changes: list[str] | None, model_class_name: str | None, allow_code: bool = False
 ) -> tuple[EditableModel, tuple[float, float], int, hb.Branch | None]:
     """Return the model or machine to explore, its span and harmonics at the start, and the curve of a file."""
     from hbgear.design.studies.samples import Grid
@@ -139,13 +139,13 @@ def explored(
     from hbgear.io.machines.machine_file import read_machine
     from hbgear.web.editable_model import EditableInstance, EditableMachine
 
-    if what.endswith(".npz"):
+    if source.endswith(".npz"):
         if changes:
             raise ValueError("--set: the curve defines the values; change them on the page")
-        branch = hb.load(what)
+        branch = hb.load(source)
         problem = model_registry.rebuild_problem(branch.meta, class_of(model_class_name))
         if branch.parameter != "Omega" or branch.tracked:
-            raise ValueError(f"'{what}' is a curve in {branch.parameter}; the explorer draws curves in Omega")
+            raise ValueError(f"'{source}' is a curve in {branch.parameter}; the explorer draws curves in Omega")
         machine = problem.model.at(branch.fixed)
         name = model_class_name or next(
             (name for name, cls in model_registry.MODELS.items() if cls is type(machine)), ""
@@ -158,15 +158,15 @@ def explored(
             layout.harmonics if layout else 16,
             branch,
         )
-    if what.endswith(".toml"):
-        if is_study(what):
-            study = read_study(what, allow_code)
+    if source.endswith(".toml"):
+        if is_study(source):
+            study = read_study(source, allow_code)
             name = next((name for name, cls in model_registry.MODELS.items() if cls is type(study.model)), "")
             first = study.model.replace(**next(study.vary.rows())) if isinstance(study.vary, Grid) else study.model
             return EditableInstance(first, name), study.work.span, study.work.harmonics, None
-        machine_file = read_machine(what)
+        machine_file = read_machine(source)
         if changes:
             raise ValueError("--set: the file defines the values; change them on the page")
         return EditableMachine(machine_file), machine_file.model().default_span, 16, None
-    machine = chosen_model(what, changes)
-    return EditableInstance(machine, what), span_of(machine, None, None), 16, None
+    machine = chosen_model(source, changes)
+    return EditableInstance(machine, source), span_of(machine, None, None), 16, None

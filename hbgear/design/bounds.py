@@ -19,11 +19,11 @@ def bounds_of(
         Problem of the model.
     name : str
         Name of the parameter.
-    given : sequence of float or None
-        The bounds. None: the value of the model times both factors, within the range of the parameter.
+    bounds : sequence of float or None
+        Given bounds. None: the value of the model times both factors, within the range of the parameter.
     factors : tuple[float, float]
         Factors of the default bounds.
-    what : str
+    caller : str
         Name of the calling function, for error messages.
 
     Returns

@@ -21,7 +21,7 @@ from hbgear.io.branches.npz import load
 from hbgear.mechanics.models import differing_fields
 
 
-def save_map(found: JumpMap, path: str | os.PathLike[str]) -> None:
+def save_map(jump_map: JumpMap, path: str | os.PathLike[str]) -> None:
     """Write the response curves and fold curves of a jump map to an .npz, completely or not at all.
 
     Raises
@@ -29,11 +29,11 @@ def save_map(found: JumpMap, path: str | os.PathLike[str]) -> None:
     ValueError
         If it has no response curve yet, or the path does not end in .npz.
     """
-    if not found.curves:
+    if not jump_map.curves:
         raise ValueError("the jump map has no response curve yet, so there is nothing to save")
-    curves = [branch for curve in (*found.curves, *found.folds) for branch in curve.curves]
+    curves = [branch for curve in (*jump_map.curves, *jump_map.folds) for branch in curve.curves]
     first, *others = (dataclasses.replace(branch, others=()) for branch in curves)
-    meta = {**first.meta, "map": _settings(found.parameter, found.span, found.frequencies)}
+    meta = {**first.meta, "map": _settings(jump_map.parameter, jump_map.span, jump_map.frequencies)}
     dataclasses.replace(first, meta=meta, others=tuple(others)).save(path)
 
 
@@ -70,7 +70,7 @@ def read_map(
     expected = {**problem.describe(), "map": _settings(parameter, span, frequencies)}
     differences = {"model": "another model", "balance": "other harmonics or samples", "map": "another map"}
     for name, meaning in differences.items():
-        if not _is_same(_plain(first.meta.get(name)), _plain(expected[name])):
+        if not _is_same_entry(_plain(first.meta.get(name)), _plain(expected[name])):
             entry = quoted(first.meta.get("map"))
             raise ValueError(f"'{path}' is the part of a jump map of {meaning} ({entry}): give another output file, or "
                              "remove this one")  # fmt: skip
@@ -102,7 +102,7 @@ def _settings(parameter: str, span: tuple[float, float], frequencies: tuple[floa
     return {"parameter": parameter, "span": sorted(map(float, span)), "frequencies": list(map(float, frequencies))}
 
 
-def _is_same(stored: Any, expected: Any) -> bool:
+def _is_same_entry(stored: Any, expected: Any) -> bool:
     """Return whether an entry of the header is that of the map; of models only what both descriptions hold."""
     if is_description(stored) and is_description(expected):
         names = ("class", "from")

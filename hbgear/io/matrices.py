@@ -92,9 +92,9 @@ class Matrices:
         names = tuple(self.dof_names) or tuple(f"q{i + 1}" for i in range(self.n))
         if len(names) != self.n:
             raise ValueError(f"Matrices: {len(names)} dof_names for {self.n} coordinates; need one for each")
-        twice = next((name for i, name in enumerate(names) if name in names[:i]), None)
-        if twice is not None:
-            raise ValueError(f"Matrices: two coordinates are called {quoted(twice)}; give each another name")
+        repeated = next((name for i, name in enumerate(names) if name in names[:i]), None)
+        if repeated is not None:
+            raise ValueError(f"Matrices: two coordinates are called {quoted(repeated)}; give each another name")
         object.__setattr__(self, "dof_names", names)
         for name in ("damping", "stiffness"):
             value = getattr(self, name)

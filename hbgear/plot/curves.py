@@ -489,13 +489,13 @@ _TICK_LABEL_SIZE = (0.085, 0.08)
 
 def _unstable(branch: Branch, element: int | str) -> list[tuple[int, int]]:
     """Return the first and last point of every unstable section."""
-    out: list[tuple[int, int]] = []
+    ranges: list[tuple[int, int]] = []
     for (_, stable), first, last in sections(branch, element):
-        if stable is False and out and out[-1][1] == first:
-            out[-1] = (out[-1][0], last)
+        if stable is False and ranges and ranges[-1][1] == first:
+            ranges[-1] = (ranges[-1][0], last)
         elif stable is False:
-            out.append((first, last))
-    return out
+            ranges.append((first, last))
+    return ranges
 
 
 def _free_position(fractions: Array, point: Array) -> tuple[float, float]:

@@ -63,14 +63,14 @@ symbol ("ambiguous"), each pt of distance ("reach"), and another side than the p
 
 @dataclass
 class Mark:
-    """A drawn special point: symbol, text, curve and kind; it has a label only if ``shown``."""
+    """A drawn special point: symbol, text, curve and kind; it has a label only if ``has_label``."""
 
     line: Line2D
     text: Annotation
     curve: int
     kind: str
     name: str
-    shown: bool
+    has_label: bool
     side: tuple[int, int] = field(default=(1, 0))
 
 
@@ -87,17 +87,17 @@ class Labels(Artist):
         self.set_in_layout(False)
         ax.add_artist(self)
 
-    def add(self, line: Line2D, curve: int, kind: str, label: str, shown: bool, side: tuple[int, int]) -> None:
+    def add(self, line: Line2D, curve: int, kind: str, label: str, has_label: bool, side: tuple[int, int]) -> None:
         """Add a mark with its label; a label that another curve already has gets the number of its curve."""
         other_labels = {mark.text.get_text() for mark in self.marks if mark.curve != curve}
         name = f"{label} ({curve})" if label in other_labels else label
         horizontal, vertical = _ALIGN[side[0]][0], _ALIGN[side[1]][1]
         text = self.axes.annotate(
-            name if shown else "", _data_position(line), (5 * side[0], 5 * side[1]), textcoords="offset points",
+            name if has_label else "", _data_position(line), (5 * side[0], 5 * side[1]), textcoords="offset points",
             fontsize=8, ha=horizontal, va=vertical, zorder=7, gid=f"label {label}",
         )  # fmt: skip
         text.set_in_layout(False)
-        self.marks.append(Mark(line, text, curve, kind, name, shown, side))
+        self.marks.append(Mark(line, text, curve, kind, name, has_label, side))
 
     def draw(self, renderer: Any) -> None:
         """Merge clusters, then position each label."""
@@ -135,7 +135,7 @@ def _merge_clusters(marks: Sequence[Mark]) -> None:
             for i, mark in enumerate(cluster):
                 mark.line.set_visible(not merged or i in (0, len(cluster) - 1))
                 mark.text.set_visible(not merged or i == 0)
-                mark.text.set_text(mark.name if mark.shown else "")
+                mark.text.set_text(mark.name if mark.has_label else "")
             if merged:
                 cluster[0].text.set_text(f"{cluster[0].name}\N{EN DASH}{cluster[-1].name}")
 

@@ -214,14 +214,14 @@ SPEEDS = {PINION: "speed of the pinion [r/min]", MESH: "mesh frequency [Hz]"}
 """Labels of axes of frequencies in physical units."""
 
 
-def scaled_axes(ax: Axes, known: dict[str, float], side: str = "top", title: str = SPEEDS[MESH]) -> list[Any]:
+def scaled_axes(ax: Axes, units: dict[str, float], side: str = "top", title: str = SPEEDS[MESH]) -> list[Any]:
     """Add axes at the top or on the right, which show the values of an axis times each scale.
 
     Parameters
     ----------
     ax : Axes
         Axes whose abscissa (top) or ordinate (right) is Omega or an order of it.
-    known : dict of str to float
+    units : dict of str to float
         Values of Omega = 1 in physical units, with the keys of `SPEEDS`.
     side : {"top", "right"}, optional
         Side of the new axes; default "top".
@@ -235,9 +235,9 @@ def scaled_axes(ax: Axes, known: dict[str, float], side: str = "top", title: str
     """
     titles = {**SPEEDS, MESH: title}
     added: list[Any] = []
-    for name in [name for name in titles if name in known]:
+    for name in [name for name in titles if name in units]:
         make = ax.secondary_xaxis if side == "top" else ax.secondary_yaxis
-        extra: Any = make(side, functions=_times(known[name]))  # type: ignore[arg-type]
+        extra: Any = make(side, functions=_times(units[name]))  # type: ignore[arg-type]
         extra.spines[side].set_position(("outward", (30.0 if side == "top" else 46.0) * len(added)))
         (extra.set_xlabel if side == "top" else extra.set_ylabel)(titles[name], fontsize=9, labelpad=3)
         extra.tick_params(direction="in", width=0.6, length=3.5, labelsize=8, labelfontfamily=current_font(), pad=2)

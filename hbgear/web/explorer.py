@@ -51,17 +51,17 @@ class Job:
 
     Attributes
     ----------
-    now : Progress
+    last_progress : Progress
         Last reported progress.
     cancelled : bool
         Whether the next progress report ends the computation.
     """
 
-    now: Progress = field(default_factory=Progress)
+    last_progress: Progress = field(default_factory=Progress)
     cancelled: bool = False
 
     def __call__(self, progress: Progress) -> None:
-        self.now = progress
+        self.last_progress = progress
         if self.cancelled:
             raise Superseded
 
@@ -196,7 +196,11 @@ class Explorer:
             job = self._jobs.get((session, kind))
         if job is None:
             return {"busy": False}
-        return {"busy": True, "done": None if math.isnan(job.now.done) else job.now.done, "text": job.now.text}
+        return {
+            "busy": True,
+            "done": None if math.isnan(job.last_progress.done) else job.last_progress.done,
+            "text": job.last_progress.text,
+        }
 
     def cancel(self, session: str | None = None, kind: str | None = None) -> None:
         """Cancel running computations.
@@ -244,7 +248,7 @@ class Explorer:
             while len(self._curves) > _MAX_SESSIONS:
                 self._curves.popitem(last=False)
         return {
-            "curves": views([branch], [title_of(branch)], whole=False),
+            "curves": views([branch], [title_of(branch)], with_tables=False),
             "seconds": time.perf_counter() - started,
             "ended": "" if branch.status.complete else branch.message,
         }

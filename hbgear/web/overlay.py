@@ -82,11 +82,11 @@ def dots(data: Measurements, name: str, units: Mapping[str, float], amplitude: s
     groups = []
     for direction, word, symbol in _SWEEPS:
         if direction in directions:
-            alone = directions == {1}
-            selected = data.directions == direction
+            single = directions == {1}
+            rows = data.directions == direction
             groups.append({
-                "name": name if alone else f"{name}, {word}", "mode": "markers", "file": name, "measure": data.measure,
-                "symbol": "circle-open" if alone else symbol, "x": plain(Omega[selected]), "y": plain(size[selected]),
+                "name": name if single else f"{name}, {word}", "mode": "markers", "file": name, "measure": data.measure,
+                "symbol": "circle-open" if single else symbol, "x": plain(Omega[rows]), "y": plain(size[rows]),
                 "jumps": plain([x for x, jump_direction in jumps if jump_direction == direction]),
             })  # fmt: skip
     return groups
@@ -127,7 +127,7 @@ def lines_of_motions(branch: Branch, name: str = "") -> list[dict[str, Any]]:
     masks: dict[bool | str | None, Any] = {}
     for (_, stable), first, last in sections(branch, 0):
         masks.setdefault(stable, np.zeros(len(branch), dtype=bool))[first : last + 1] = True
-    out: list[dict[str, Any]] = []
+    lines: list[dict[str, Any]] = []
     heights = {measure: [branch.amplitude(measure, j) for j in range(len(layout.elements))]
                for measure in ("pp2", "rms", "max", "mean")}  # fmt: skip
     for stable, mask in masks.items():
@@ -136,9 +136,9 @@ def lines_of_motions(branch: Branch, name: str = "") -> list[dict[str, Any]]:
         }
         dash = "dashdot" if kind == "backbone" else _DASHES[stable]
         text = name or _NAMES[kind]
-        out.append({"name": f"{text}, {stable or 'unstable'}" if out else text, "mode": "lines", "x": plain(x),
+        lines.append({"name": f"{text}, {stable or 'unstable'}" if lines else text, "mode": "lines", "x": plain(x),
                     "sizes": sizes, "dash": dash, "kind": kind, "legend": True})  # fmt: skip
-    return out
+    return lines
 
 
 def facts_of_motions(branch: Branch) -> list[list[str]]:

@@ -42,7 +42,7 @@ _DRAWN_DIGITS = 7
 """Significant digits of drawn numbers."""
 
 
-def views(branches: Sequence[Branch], names: Sequence[str], whole: bool = True) -> list[dict[str, Any]]:
+def views(branches: Sequence[Branch], names: Sequence[str], with_tables: bool = True) -> list[dict[str, Any]]:
     """Return the data of each branch and the other branches of its range; jumps may land on any of them.
 
     Parameters
@@ -51,7 +51,7 @@ def views(branches: Sequence[Branch], names: Sequence[str], whole: bool = True) 
         Branches to show.
     names : sequence of str
         Name of each branch.
-    whole : bool, optional
+    with_tables : bool, optional
         Whether to add the tables; default True.
 
     Returns
@@ -73,12 +73,12 @@ def views(branches: Sequence[Branch], names: Sequence[str], whole: bool = True) 
         if layout_of(curve) is None or not len(curve):
             raise ValueError(f"{name} is not a branch of periodic motions; a page shows only these")
     return [
-        view(curve, name, curve_landings, whole) | (tables(curve, curves, labels) if whole else {})
+        view(curve, name, curve_landings, with_tables) | (tables(curve, curves, labels) if with_tables else {})
         for curve, name, curve_landings in zip(curves, labels, landings(curves), strict=True)
     ]
 
 
-def view(branch: Branch, name: str, found: Sequence[Landing] = (), whole: bool = False) -> dict[str, Any]:
+def view(branch: Branch, name: str, landed: Sequence[Landing] = (), with_forces: bool = False) -> dict[str, Any]:
     """Return the drawn data of one branch.
 
     Parameters
@@ -87,9 +87,9 @@ def view(branch: Branch, name: str, found: Sequence[Landing] = (), whole: bool =
         Branch to show.
     name : str
         Name of the branch.
-    found : sequence of Landing, optional
+    landed : sequence of Landing, optional
         Jumps of the branch.
-    whole : bool, optional
+    with_forces : bool, optional
         Whether to add dynamic factors and forces, whose computation takes time; default False.
 
     Returns
@@ -102,7 +102,7 @@ def view(branch: Branch, name: str, found: Sequence[Landing] = (), whole: bool =
     elements = range(len(layout.elements))
     units = common_scales([branch])
     length = length_scale(model_of(branch), branch.parameters_at(0)) if units else None
-    quantities = _quantities(branch, elements, whole) if length else {}
+    quantities = _quantities(branch, elements, with_forces) if length else {}
     axes = {name: entry.label for name, entry in quantities.items()}
     label = label_of(branch, branch.parameter)
     motion = layout.labels.get("amplitude", "gap")
@@ -138,7 +138,7 @@ def view(branch: Branch, name: str, found: Sequence[Landing] = (), whole: bool =
         "coefficients": packed(layout.spread(branch.X).reshape(len(branch), -1)),
         "multipliers": None if branch.multipliers is None else multipliers(branch),
         "special": _special(branch, layout, quantities),
-        "jumps": _jumps(layout, found, branch, quantities),
+        "jumps": _jumps(layout, landed, branch, quantities),
         "asymptotes": list(branch.asymptotes.values()),
         "top": _tops(branch, elements, quantities) if branch.asymptotes else None,
         "status": str(branch.status),
@@ -275,7 +275,7 @@ class _Quantity(NamedTuple):
 _Quantities = Mapping[str, _Quantity]
 
 
-def _quantities(branch: Branch, elements: Sequence[int], whole: bool) -> dict[str, _Quantity]:
+def _quantities(branch: Branch, elements: Sequence[int], with_forces: bool) -> dict[str, _Quantity]:
     """Return engineering quantities by name; empty without the model."""
     try:
         problem = problem_along(branch)
@@ -283,7 +283,7 @@ def _quantities(branch: Branch, elements: Sequence[int], whole: bool) -> dict[st
         return {}
     branch = replace(branch, problem=problem)
     quantities = {}
-    for name in ("dte", "dynamic factor", "force") if whole else ("dte",):
+    for name in ("dte", "dynamic factor", "force") if with_forces else ("dte",):
         heights = [Ordinate(name, j) for j in elements]
         with suppress(ValueError):  # no static force
             values = [height.along(branch) for height in heights]

@@ -75,14 +75,14 @@ def map_command(
     problem = problem_of(chosen_model(model, changes), harmonics)
     parameter, span = range_of(within, problem.model, first, last)
     frequencies = span_of(problem.model, first, last)
-    kept = output.with_suffix(".part.npz") if output else None
-    known = None
-    if kept and kept.exists():
-        known = read_map(kept, problem, parameter, span, frequencies)
-        print(f"continuing from '{kept}': {len(known.curves)} response curves, {len(known.folds)} fold curves")
+    path = output.with_suffix(".part.npz") if output else None
+    previous = None
+    if path and path.exists():
+        previous = read_map(path, problem, parameter, span, frequencies)
+        print(f"continuing from '{path}': {len(previous.curves)} response curves, {len(previous.folds)} fold curves")
     with bar("map") as progress:
         jump_map = hb.jump_map(problem, parameter, span, frequencies=frequencies, seeds=seeds, progress=progress,
-                            known=known)  # fmt: skip
+                            known=previous)  # fmt: skip
     digits = min((digits_of(fold, 6) for fold in jump_map.folds), default=6)
     axis = OmegaAxis.of_ends(jump_map.folds, jump_map.labels.get("Omega", ""), dimensionless)
     rows = [
@@ -94,12 +94,12 @@ def map_command(
     unit = unit_after(problem.model, parameter)
     with outputs() as out:
         out.write(output, jump_map.export)
-        if kept and jump_map.status is hb.Status.INTERRUPTED:
-            out.write(kept, partial(save_map, jump_map))
-            print(f"{len(jump_map.curves)} response curves and {len(jump_map.folds)} fold curves are kept in '{kept}': "
+        if path and jump_map.status is hb.Status.INTERRUPTED:
+            out.write(path, partial(save_map, jump_map))
+            print(f"{len(jump_map.curves)} response curves and {len(jump_map.folds)} fold curves are kept in '{path}': "
                   "the same command continues from there")  # fmt: skip
-        elif kept:
-            kept.unlink(missing_ok=True)
+        elif path:
+            path.unlink(missing_ok=True)
         out.figure(plot, lambda drawing: drawing.jump_map(jump_map, dimensionless=dimensionless))
         if not rows and jump_map.status.complete and not jump_map.message:
             print(f"no jump for {parameter} between {min(span):g} and {max(span):g}{unit}")
@@ -110,8 +110,8 @@ def map_command(
         for cusp in jump_map.cusps:
             print(f"a jump vanishes at {parameter} = {text_at(cusp, parameter)}{unit}, {_frequency_text(cusp, axis)}")
         for point in (p for p in jump_map.special if p not in jump_map.cusps):
-            where = f"{parameter} = {text_at(point, parameter)}{unit}, {_frequency_text(point, axis)}"
-            print(f"{point.meaning} ({point.label}) at {where}")
+            location = f"{parameter} = {text_at(point, parameter)}{unit}, {_frequency_text(point, axis)}"
+            print(f"{point.meaning} ({point.label}) at {location}")
         if jump_map.status.complete and jump_map.message:
             print_message("warning", jump_map.message)
     finish(jump_map)
@@ -186,8 +186,8 @@ def critical(
         values = f"{parameter} = {rounded(other_value, digits)}{unit}, {axis_at(other_value).text(Omega, digits)}"
         print(f"another jump appears or vanishes at {values}")
     if derivatives or output or plot:
-        derivatives_of_cusp = hb.analysis.sensitivity(result, measure=measure, element=element_of(element))
-        show_shares(derivatives_of_cusp, problem.model.labels, quantity, max_rows, output, plot, dimensionless)
+        sensitivities = hb.analysis.sensitivity(result, measure=measure, element=element_of(element))
+        show_shares(sensitivities, problem.model.labels, quantity, max_rows, output, plot, dimensionless)
     finish(result)
 
 

@@ -312,7 +312,7 @@ def _trace_and_report(
 
     def subharmonics(stop: Event) -> list[list[str]]:
         span = (float(curve.values.min()), PARAMETRIC_SPAN)
-        curves = (_curve_above(model, count), curve, *curve.others)
+        curves = (_parametric_curve(model, count), curve, *curve.others)
         return [row for branch in curves for row in _subharmonics(model, branch, span, stop)]
 
     works: list[Callable[[Event], list[list[str]]]] = [subharmonics]
@@ -450,8 +450,8 @@ def _teeth(machine: Machine, model: hb.mechanics.Model, curve: hb.Branch) -> Ite
     """Yield the largest loads of a pair of teeth on stable motions."""
     mesh, scales = hb.gears.tooth_mesh(machine.pair, machine.mesh_torque), model.scales
     assert scales is not None
-    loads_at_points = [(hb.analysis.tooth_loads(point, mesh), point) for point in largest_motions(curve)]
-    loads, point = max(loads_at_points, key=lambda entry: entry[0].force_factor)
+    candidates = [(hb.analysis.tooth_loads(point, mesh), point) for point in largest_motions(curve)]
+    loads, point = max(candidates, key=lambda entry: entry[0].force_factor)
     number, position = loads.largest
     speed = float(scales.pinion_speed(point.parameters["Omega"]))
     yield ["largest force of a pair", f"{loads.force.max():.0f} N, {loads.force_factor:.2f} times the static force of "
@@ -521,7 +521,7 @@ def _do(work: Callable[[Event], list[list[str]]], stop: Event) -> list[list[str]
     return work(stop)
 
 
-def _curve_above(model: hb.mechanics.Model, count: int | str) -> hb.Branch:
+def _parametric_curve(model: hb.mechanics.Model, count: int | str) -> hb.Branch:
     """Return the curve above the usual span, in which the period doublings of the parametric resonance lie."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", hb.mechanics.ImplausibleInputWarning)  # no loss of contact there is usual

@@ -77,13 +77,13 @@ def resonances(model: hb.mechanics.Model, curve: hb.Branch) -> list[Resonance]:
     Of resonances of several meshes at the same speed, the one with the largest dynamic factor is returned.
     """
     all_resonances = [
-        x for branch in curve.curves for name in _meshes(model) for x in _mesh_resonances(model, branch, name)
+        r for branch in curve.curves for name in _meshes(model) for r in _mesh_resonances(model, branch, name)
     ]
     distinct: list[Resonance] = []
-    for x in sorted(all_resonances, key=lambda x: np.nan_to_num(-x.factor)):
-        if all(x.mesh == known.mesh or abs(x.speed - known.speed) > SAME_PEAK * x.speed for known in distinct):
-            distinct.append(x)
-    return sorted(distinct, key=lambda x: x.speed)
+    for r in sorted(all_resonances, key=lambda r: np.nan_to_num(-r.factor)):
+        if all(r.mesh == other.mesh or abs(r.speed - other.speed) > SAME_PEAK * r.speed for other in distinct):
+            distinct.append(r)
+    return sorted(distinct, key=lambda r: r.speed)
 
 
 def _meshes(model: hb.mechanics.Model) -> Sequence[int | str]:
@@ -227,7 +227,7 @@ def speeds_text(ranges: Ranges) -> str:
 
 
 def show_speeds(
-    model: hb.mechanics.Model, curve: hb.Branch, dimensionless: bool = False, others: Ranges | None = None
+    model: hb.mechanics.Model, curve: hb.Branch, dimensionless: bool = False, other_ranges: Ranges | None = None
 ) -> None:
     """Print resonances, jumps, speed ranges and critical speeds of a machine.
 
@@ -239,7 +239,7 @@ def show_speeds(
         Its curve in Omega.
     dimensionless : bool, optional
         Whether Omega is printed as well; default False.
-    others : list of tuple of float, optional
+    other_ranges : list of tuple of float, optional
         Ranges of the speed [r/min] with other motions that lose the contact of the teeth.
 
     Raises
@@ -254,7 +254,7 @@ def show_speeds(
     for number, branch in enumerate(curve.curves, 1):
         for line in leaving_lines(branch):
             print_text(line if number == 1 else f"curve {number}: {line}")
-    _show_ranges(model, curve, others or [])
+    _show_ranges(model, curve, other_ranges or [])
     _show_critical(model, curve)
 
 
@@ -332,9 +332,9 @@ def mesh_torque(model: Any) -> float:
     return effective_torque(model.torque, model.torque_orders)
 
 
-def _show_ranges(model: hb.mechanics.Model, curve: hb.Branch, others: Ranges) -> None:
+def _show_ranges(model: hb.mechanics.Model, curve: hb.Branch, other_ranges: Ranges) -> None:
     low, high = _speed_span(model, curve)
-    lost = merged([*contact_lost(model, curve), *others])
+    lost = merged([*contact_lost(model, curve), *other_ranges])
     unknown = without_stable_motion(model, curve)
     avoided = merged([*lost, *unknown])
     jumps = jumps_possible(model, curve, avoided)
@@ -349,7 +349,7 @@ def _show_ranges(model: hb.mechanics.Model, curve: hb.Branch, others: Ranges) ->
     if jumps:
         print_text(f"jumps without loss of contact: {speeds_text(jumps)}")
     if unknown:
-        note = "" if others else "; motions of other periods are not computed"
+        note = "" if other_ranges else "; motions of other periods are not computed"
         print_text(f"no stable motion of the mesh period: {speeds_text(unknown)}{note}")
 
 
@@ -391,7 +391,7 @@ def factor_text(model: hb.mechanics.Model, point: hb.Point | None, digits: int) 
 
 def recommendation(
     model: hb.mechanics.Model, curve: hb.Branch, measures: Sequence[tuple[str, float]] = (), reference: float = np.inf,
-    others: Ranges | None = None,
+    other_ranges: Ranges | None = None,
 ) -> str:  # fmt: skip
     """Return one sentence on the speeds to avoid and on the change of the design that helps most.
 
@@ -405,7 +405,7 @@ def recommendation(
         Changes of the design that a designer can make, with the largest dynamic factor that each gives.
     reference : float, optional
         Largest dynamic factor of the design.
-    others : list of tuple of float, optional
+    other_ranges : list of tuple of float, optional
         Ranges of the speed [r/min] with other motions that lose the contact of the teeth.
 
     Returns
@@ -413,7 +413,7 @@ def recommendation(
     str
         The sentence.
     """
-    lost = merged([*contact_lost(model, curve), *(others or []), *without_stable_motion(model, curve)])
+    lost = merged([*contact_lost(model, curve), *(other_ranges or []), *without_stable_motion(model, curve)])
     avoided = merged([*lost, *jumps_possible(model, curve, lost)])
     finite_resonances = [x for x in resonances(model, curve) if np.isfinite(x.factor)]
     if avoided:

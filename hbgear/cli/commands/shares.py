@@ -28,7 +28,7 @@ SHARE_ROUNDING = 1e-6
 
 
 def show_shares(
-    found: Sensitivity,
+    result: Sensitivity,
     labels: Mapping[str, str],
     quantity: str,
     max_rows: int,
@@ -41,26 +41,26 @@ def show_shares(
     ``labels`` are the axis labels of the model, whose units are printed. The empty ``quantity`` is the first one of
     `Sensitivity.shown` that has a derivative.
     """
-    names = found.shown(dimensionless)
-    quantity = quantity or next((name for name in names if any(found.percent(name).values())), names[0])
-    found.size(quantity)  # refuses an unknown quantity
+    names = result.shown(dimensionless)
+    quantity = quantity or next((name for name in names if any(result.percent(name).values())), names[0])
+    result.size(quantity)  # refuses an unknown quantity
     with outputs() as out:
-        out.write(output, found.export)
-        out.figure(plot, lambda drawing: drawing.tornado(found, quantity, most=max_rows))
-        _print(found, labels, quantity, max_rows, names if quantity in names else (quantity, *names))
+        out.write(output, result.export)
+        out.figure(plot, lambda drawing: drawing.tornado(result, quantity, most=max_rows))
+        _print(result, labels, quantity, max_rows, names if quantity in names else (quantity, *names))
 
 
 def _print(
-    found: Sensitivity, labels: Mapping[str, str], quantity: str, max_rows: int, names: tuple[str, ...]
+    result: Sensitivity, labels: Mapping[str, str], quantity: str, max_rows: int, names: tuple[str, ...]
 ) -> None:  # fmt: skip
-    shares = {name: found.percent(name) for name in names}
+    shares = {name: result.percent(name) for name in names}
     printed = {name: _in_micrometres(name) for name in names}
-    print(f"{found.label}: " + ", ".join(f"{printed[q][0]} = {printed[q][1] * found.size(q):.6g}" for q in names))
+    print(f"{result.label}: " + ", ".join(f"{printed[q][0]} = {printed[q][1] * result.size(q):.6g}" for q in names))
     affecting = [
         name for name in shares[quantity] if any(not abs(share[name]) < SHARE_ROUNDING for share in shares.values())
     ]
     rows = [
-        [_with_unit(name, labels), f"{found.values[found.parameters.index(name)]:.6g}",
+        [_with_unit(name, labels), f"{result.values[result.parameters.index(name)]:.6g}",
          *(_percent_text(shares[q][name]) for q in names)]
         for name in affecting[:max_rows]
     ]  # fmt: skip
@@ -70,10 +70,10 @@ def _print(
     omitted = len(affecting) - len(rows)
     if omitted:
         print(f"{omitted} more parameters with smaller derivatives; see --max-rows")
-    for parameter, value in zip(found.parameters, found.values, strict=True):
-        if not value and found.of(quantity)[parameter]:
+    for parameter, value in zip(result.parameters, result.values, strict=True):
+        if not value and result.of(quantity)[parameter]:
             unit = shown_unit(labels.get(parameter, "")) or f"unit of {parameter}"
-            print(f"{parameter} = 0: {name} changes by {factor * found.of(quantity)[parameter]:.4g} per {unit}")
+            print(f"{parameter} = 0: {name} changes by {factor * result.of(quantity)[parameter]:.4g} per {unit}")
 
 
 def _in_micrometres(quantity: str) -> tuple[str, float]:

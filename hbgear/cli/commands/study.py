@@ -189,8 +189,8 @@ def _security(address: str, ca_file: Path | None, cert: Path | None, key: Path |
     """
     from distributed.security import Security
 
-    given = {"tls_ca_file": ca_file, "tls_client_cert": cert, "tls_client_key": key}
-    files = {name: str(path) for name, path in given.items() if path}
+    certificates = {"tls_ca_file": ca_file, "tls_client_cert": cert, "tls_client_key": key}
+    files = {name: str(path) for name, path in certificates.items() if path}
     if files and not (ca_file and cert and address.startswith("tls://")):
         raise ValueError("certificates need --tls-ca-file and --tls-cert, and an address --dask tls://HOST:PORT")
     try:

@@ -310,8 +310,12 @@ def _result(
     with np.errstate(invalid="ignore", divide="ignore"):
         correlation = covariance / np.outer(first, first)
     errors = np.fmax(first, estimate.profile_errors)
-    messages = [*estimate.warnings, *_correlated(names, correlation), *_data_warnings(best, estimate.mean_square)]
-    messages += [*_one_sided(names, first, errors), *_at_bounds(names, x, low, high)]
+    messages = [
+        *estimate.warnings,
+        *_correlation_warnings(names, correlation),
+        *_data_warnings(best, estimate.mean_square),
+    ]
+    messages += [*_one_sided_warnings(names, first, errors), *_bound_warnings(names, x, low, high)]
     count, values = len(data), dict(zip(names, x.tolist(), strict=True))
     return Fit(
         problem.model.replace(**values), names, values, dict(zip(names, errors.tolist(), strict=True)), covariance,
@@ -321,7 +325,7 @@ def _result(
     )  # fmt: skip
 
 
-def _one_sided(names: tuple[str, ...], first: Array, errors: Array) -> Iterator[str]:
+def _one_sided_warnings(names: tuple[str, ...], first: Array, errors: Array) -> Iterator[str]:
     """Yield a warning for each parameter for which the sum of squares increases only slightly to one side."""
     for name, linear, error in zip(names, first, errors, strict=True):
         if error > 0.99 * MAX_END_RATIO * linear:
@@ -334,7 +338,7 @@ def _covariance(J: Array, names: tuple[str, ...]) -> tuple[Array, list[str]]:
     size = np.linalg.norm(J, axis=0)
     without_effect = is_without_effect(J)
     covariance = np.full((len(names), len(names)), math.nan)
-    messages += [f"{name} has no effect on the data" for name, none in zip(names, without_effect, strict=True) if none]
+    messages += [f"{name} has no effect on the data" for name, idle in zip(names, without_effect, strict=True) if idle]
     effective = np.flatnonzero(~without_effect)
     if not effective.size:
         return covariance, messages
@@ -350,7 +354,7 @@ def _covariance(J: Array, names: tuple[str, ...]) -> tuple[Array, list[str]]:
     return covariance, messages
 
 
-def _correlated(names: tuple[str, ...], correlation: Array) -> Iterator[str]:
+def _correlation_warnings(names: tuple[str, ...], correlation: Array) -> Iterator[str]:
     """Yield a warning for each pair of parameters with a high correlation."""
     for i, j in combinations(range(len(names)), 2):
         if abs(correlation[i, j]) > HIGH_CORRELATION:
@@ -378,7 +382,7 @@ KIND_TEXTS = {
 }
 
 
-def _at_bounds(names: tuple[str, ...], x: Array, low: Array, high: Array) -> Iterator[str]:
+def _bound_warnings(names: tuple[str, ...], x: Array, low: Array, high: Array) -> Iterator[str]:
     for name, value, a, b in zip(names, x, low, high, strict=True):
         if min(value - a, b - value) < 1e-4 * (b - a):
             yield f"{name} = {value:.6g} is at its bound"

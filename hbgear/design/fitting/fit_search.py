@@ -162,10 +162,10 @@ class FitSearch:
                 return worst if prediction is None else prediction.residuals(s)
 
             def jacobian(x: Array, s: Array = s) -> Array:
-                now = self.at(x)
-                if now is None:
+                prediction = self.at(x)
+                if prediction is None:
                     return np.zeros((len(worst), len(x)))
-                J = now.jacobian(s)
+                J = prediction.jacobian(s)
                 filtered: Array = J * (np.linalg.norm(J, axis=0) * np.abs(x) > MIN_EFFECT)
                 return filtered  # without parameters whose effect is rounding
 
@@ -192,8 +192,8 @@ class FitSearch:
             return worst if prediction is None else prediction.distances
 
         def jacobian(x: Array) -> Array:
-            now = self.at(x)
-            return np.zeros((len(worst), len(x))) if now is None else now.distance_jacobian
+            prediction = self.at(x)
+            return np.zeros((len(worst), len(x))) if prediction is None else prediction.distance_jacobian
 
         result = least_squares(distances, start, jacobian, (low, high), loss="soft_l1", xtol=2e-2, ftol=1e-1,
                               x_scale=np.maximum(np.abs(start), 1e-3 * (high - low)), max_nfev=20)  # fmt: skip

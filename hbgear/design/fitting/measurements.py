@@ -185,10 +185,10 @@ def _jump(jump: Any) -> tuple[float, int, float]:
     try:
         frequency, direction, *deviations = (float(x) for x in jump)
         deviation = deviations[0] if deviations else 0.1 * DEFAULT_DEVIATION * frequency
-        good = len(deviations) < 2 and direction in (-1, 1) and 0 < frequency < np.inf and 0 < deviation < np.inf
+        is_valid = len(deviations) < 2 and direction in (-1, 1) and 0 < frequency < np.inf and 0 < deviation < np.inf
     except (TypeError, ValueError, OverflowError):
-        good = False
-    if not good:
+        is_valid = False
+    if not is_valid:
         raise ValueError(
             f"Measurements: the jump {quoted(jump)} must be (frequency, +1 or -1) or (frequency, +1 or -1, deviation)"
         )

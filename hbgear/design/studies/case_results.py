@@ -144,8 +144,8 @@ class Cases:
         return len(self.table["case"])
 
     def __repr__(self) -> str:
-        done = f"{len(self)} of {self.total} done" + (f", {len(self.failed)} failed" if self.failed else "")
-        return f"<Cases of {type(self.model).__name__} in {', '.join(self.names)}: {done}>"
+        counts = f"{len(self)} of {self.total} done" + (f", {len(self.failed)} failed" if self.failed else "")
+        return f"<Cases of {type(self.model).__name__} in {', '.join(self.names)}: {counts}>"
 
     @property
     def failed(self) -> dict[int, str]:
@@ -161,10 +161,10 @@ class Cases:
             if case in self.failed:
                 continue
             model = self.model_of(case)
-            known, length = scales(model, {}), length_scale(model, {})
-            if not known:
+            frequency_units, length = scales(model, {}), length_scale(model, {})
+            if not frequency_units:
                 return None
-            row[:] = known[PINION], known[MESH], np.nan if length is None else length
+            row[:] = frequency_units[PINION], frequency_units[MESH], np.nan if length is None else length
         speed, mesh, lengths = rows.T
         if not np.isfinite(speed).any():
             return None
@@ -246,10 +246,10 @@ class Cases:
 
 def collect(
     model: Model, work: Work, names: tuple[str, ...], plan: list[dict[str, Any]], keys: list[str],
-    done: Mapping[str, Result], outcome: Outcome, message: str, packed: Callable[[int], bytes],
+    results: Mapping[str, Result], outcome: Outcome, message: str, packed: Callable[[int], bytes],
 ) -> Cases:  # fmt: skip
     """Return the results of the finished cases, in the order of the plan."""
-    rows = [(i, plan[i], done[key]) for i, key in enumerate(keys) if key in done]
+    rows = [(i, plan[i], results[key]) for i, key in enumerate(keys) if key in results]
     table: dict[str, Any] = {"case": np.array([i for i, *_ in rows], dtype=int)}
     table |= {name: np.array([_cell(values[name]) for _, values, _ in rows]) for name in names}
     columns = dict.fromkeys(name for *_, result in rows for name in result.numbers)

@@ -17,7 +17,7 @@ from typing import Any
 
 
 @contextmanager
-def executor_of(given: Executor | None, processes: int | None, count: int) -> Iterator[Executor]:
+def executor_of(executor: Executor | None, processes: int | None, count: int) -> Iterator[Executor]:
     """Yield the given executor, or a pool of processes that is shut down afterwards.
 
     The pool has one process for each core, and at most one for each case. After an error or Ctrl-C the processes are
@@ -25,7 +25,7 @@ def executor_of(given: Executor | None, processes: int | None, count: int) -> It
 
     Parameters
     ----------
-    given : Executor or None
+    executor : Executor or None
         Executor of the caller; it is not shut down.
     processes : int or None
         Number of processes. Default None: the number of cores.
@@ -43,8 +43,8 @@ def executor_of(given: Executor | None, processes: int | None, count: int) -> It
         If a script would start processes outside of ``if __name__ == "__main__":``, so that each of them would run the
         script again.
     """
-    if given is not None:
-        yield given
+    if executor is not None:
+        yield executor
         return
     _check_guard()
     workers = min(processes or os.cpu_count() or 1, count)

@@ -58,8 +58,8 @@ def read_results(path: str | os.PathLike[str]) -> Results:
     file = Path(path) / "table.npz" if Path(path).is_dir() else Path(path)
     need = "give the folder of hbgear study, or a table that Cases.export has written as .npz"
     try:
-        with archive_of(file) as found:
-            arrays = {name: found.array(name) for name in found.names}
+        with archive_of(file) as archive:
+            arrays = {name: archive.array(name) for name in archive.names}
     except FileNotFoundError:
         raise FileNotFoundError(f"there is no file '{file}'; {need}") from None
     except (OSError, Damaged) as error:
@@ -78,5 +78,5 @@ def read_results(path: str | os.PathLike[str]) -> Results:
         raise ValueError(
             f"'{file}' is not a table of a study: it needs columns of one length, one of them case; {need}"
         )
-    parts = {int(case): curves[curves[:, 0] == case, 1:].T for case in np.unique(curves[:, 0])}
-    return Results(arrays, jumps, parts)
+    curves_by_case = {int(case): curves[curves[:, 0] == case, 1:].T for case in np.unique(curves[:, 0])}
+    return Results(arrays, jumps, curves_by_case)

@@ -171,7 +171,7 @@ def _checked(
     try:
         checked = schema.model_validate(data)
     except pydantic.ValidationError as error:
-        problems += [location_and_text(schema, each) for each in error.errors()]
+        problems += [location_and_text(schema, details) for details in error.errors()]
     return problems, checked, subject
 
 

@@ -71,9 +71,9 @@ class JumpTolerance:
     unit: str = "Omega"
 
     def __repr__(self) -> str:
-        drawn = f"{self.sampled:.3g} of {len(self.draws)} draws, {self.lost} lost"
-        where = f"{self.label} at {self.unit} = {self.value:.6g}"
-        return f"<JumpTolerance of {where}: +- {self.first:.3g} to first order, {drawn}>"
+        sample_text = f"{self.sampled:.3g} of {len(self.draws)} draws, {self.lost} lost"
+        location = f"{self.label} at {self.unit} = {self.value:.6g}"
+        return f"<JumpTolerance of {location}: +- {self.first:.3g} to first order, {sample_text}>"
 
     @property
     def sampled(self) -> float:

@@ -112,16 +112,16 @@ class ResponseBand:
         """Return both edges of the band, (P, 2) frequency and amplitude each, at ``sigmas`` standard deviations."""
         checked("edges", "sigmas", sigmas, POSITIVE)
         middle = np.column_stack([self.frequency, self.amplitude])
-        away = sigmas * ellipse_contact(self.covariance, self.normal) * self.size
-        return middle + away, middle - away
+        offsets = sigmas * ellipse_contact(self.covariance, self.normal) * self.size
+        return middle + offsets, middle - offsets
 
 
 def ellipse_contact(covariance: Array, normal: Array) -> Array:
     """Return S n / sigma (P, 2), where ellipses of covariances S (P, 2, 2) touch lines with normals n (P, 2)."""
     projected = np.einsum("pxy,py->px", covariance, normal)
     sigma = np.sqrt(np.einsum("px,px->p", projected, normal).clip(0.0))
-    out: Array = projected / np.where(sigma, sigma, 1.0)[:, None]
-    return out
+    contact: Array = projected / np.where(sigma, sigma, 1.0)[:, None]
+    return contact
 
 
 @checked_arguments(
@@ -279,5 +279,5 @@ def _secants(branch: Branch) -> Array:
     U = np.column_stack([branch.X, branch.values])
     U = U / np.append(np.full(branch.X.shape[1], np.abs(branch.X).max() or 1.0), np.ptp(branch.values) or 1.0)
     secant = np.gradient(U, axis=0)
-    out: Array = secant / np.maximum(np.linalg.norm(secant, axis=1), 1e-300)[:, None]
-    return out
+    directions: Array = secant / np.maximum(np.linalg.norm(secant, axis=1), 1e-300)[:, None]
+    return directions

@@ -27,14 +27,14 @@ class TomlFileError(ValueError):
         self.problems = tuple(problems)
 
 
-def parsed(path: str | os.PathLike[str], what: str, error_class: type[TomlFileError]) -> tuple[str, dict[str, Any]]:
+def parsed(path: str | os.PathLike[str], expected: str, error_class: type[TomlFileError]) -> tuple[str, dict[str, Any]]:
     """Return the text of a file and its TOML content.
 
     Parameters
     ----------
     path : str or path-like
         Path of the file.
-    what : str
+    expected : str
         Expected content, for errors: "a study".
     error_class : type
         Class of the error.
@@ -52,7 +52,7 @@ def parsed(path: str | os.PathLike[str], what: str, error_class: type[TomlFileEr
         Of the given class, if the file cannot be read.
     """
     try:
-        text = text_of_file(path, what)
+        text = text_of_file(path, expected)
     except ValueError as error:
         raise error_class([str(error)]) from None
     try:
@@ -67,7 +67,7 @@ def parsed(path: str | os.PathLike[str], what: str, error_class: type[TomlFileEr
     except ValueError:  # Python reads no whole number with thousands of digits
         long = re.search(r"[0-9_]{4000,}", text)
         reason = f"a number has too many digits (at line {text.count(chr(10), 0, long.start() if long else 0) + 1})"
-    raise error_class([f"'{path}' cannot be read as {what}: {reason}"])
+    raise error_class([f"'{path}' cannot be read as {expected}: {reason}"])
 
 
 def _nested(text: str) -> str:
@@ -77,7 +77,7 @@ def _nested(text: str) -> str:
 
 
 def checked(
-    path: str | os.PathLike[str], what: str, error_class: type[TomlFileError], schema: Any
+    path: str | os.PathLike[str], expected: str, error_class: type[TomlFileError], schema: Any
 ) -> tuple[str, dict[str, Any]]:
     """Return the text of a file and its content, validated by a pydantic model.
 
@@ -88,7 +88,7 @@ def checked(
     """
     import pydantic
 
-    text, data = parsed(path, what, error_class)
+    text, data = parsed(path, expected, error_class)
     try:
         return text, schema.model_validate(data).model_dump(exclude_unset=True)
     except pydantic.ValidationError as error:

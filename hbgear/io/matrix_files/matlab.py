@@ -46,11 +46,11 @@ def read_matlab(path: str | os.PathLike[str]) -> dict[str, Any]:
     """
     content = Path(path).read_bytes()
     version_4 = 0 in content[:4]  # has no elements
-    found: dict[str, Any] = scipy.io.loadmat(io.BytesIO(content if version_4 else _plain(content)))
-    for value in found.values():
+    variables: dict[str, Any] = scipy.io.loadmat(io.BytesIO(content if version_4 else _plain(content)))
+    for value in variables.values():
         if scipy.sparse.issparse(value) and value.format == "csc":
             value.check_format(full_check=True)
-    return found
+    return variables
 
 
 def _plain(content: bytes) -> bytes:

@@ -196,14 +196,14 @@ class DataTable:
         return Column(heading, unit, cells, tuple(row.line for row in self.rows), self.file, stated is not None)
 
 
-def read_data_table(path: object, what: str, kinds: Sequence[Kind], default: Sequence[str] = ()) -> DataTable:
+def read_data_table(path: object, expected: str, kinds: Sequence[Kind], default: Sequence[str] = ()) -> DataTable:
     """Read the table in a file.
 
     Parameters
     ----------
     path : str or path-like
         Path of the file.
-    what : str
+    expected : str
         Expected content, for errors: "measurements".
     kinds : sequence of Kind
         Accepted kinds of columns.
@@ -220,7 +220,7 @@ def read_data_table(path: object, what: str, kinds: Sequence[Kind], default: Seq
     ValueError
         If the file cannot be read, is not a regular file, is too large, or is not such a table.
     """
-    return data_table(bytes_of_file(path, what), str(path), kinds, default)  # type: ignore[arg-type]
+    return data_table(bytes_of_file(path, expected), str(path), kinds, default)  # type: ignore[arg-type]
 
 
 def data_table(content: bytes, name: str, kinds: Sequence[Kind], default: Sequence[str] = ()) -> DataTable:

@@ -133,7 +133,7 @@ def table_text(text: str, name: str) -> TableText:
     if header_count == 1 and headings is None:
         raise ValueError(f"'{name}': {_mismatch(heads[0], mark, width, body[0])}")
     note = "" if headings is not None or remark is None else remark
-    return TableText(headings, tuple(_alike(rows, headings, mark, name)), _headings(note, mark, width), note)
+    return TableText(headings, tuple(_equal_width_rows(rows, headings, mark, name)), _headings(note, mark, width), note)
 
 
 def number_of_cell(text: str) -> float | None:
@@ -259,7 +259,7 @@ def _mismatch(head: str, mark: str | None, width: int, row: tuple[int, str]) -> 
     return f"line {row[0]} has {width} cells and the line of column names {count}; need as many{decimal}"
 
 
-def _alike(rows: Sequence[Row], headings: tuple[str, ...] | None, mark: str | None, name: str) -> list[Row]:
+def _equal_width_rows(rows: Sequence[Row], headings: tuple[str, ...] | None, mark: str | None, name: str) -> list[Row]:
     """Return rows with equal numbers of cells; refuse cut rows and two different decimal marks."""
     width = len(rows[0].cells) if headings is None else len(headings)
     aligned = []
@@ -274,7 +274,7 @@ def _alike(rows: Sequence[Row], headings: tuple[str, ...] | None, mark: str | No
                              f"need one for each{hint}")  # fmt: skip
         for cell in cells:
             if number_of_cell(cell) is not None:
-                marks.update(mark_found for mark_found in ".," if mark_found in cell)
+                marks.update(decimal_mark for decimal_mark in ".," if decimal_mark in cell)
                 if len(marks) > 1:
                     raise ValueError(
                         f"'{name}', line {row.line}: {quoted(cell)} has another decimal mark than earlier numbers; "

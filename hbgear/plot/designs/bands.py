@@ -102,8 +102,8 @@ def _shade(found: ResponseBand, sigmas: float) -> Path:
     middle = np.column_stack([np.interp(positions, points, x) for x in middle.T])
     angle = np.interp(positions, points, angle)
     covariance = np.column_stack([np.interp(positions, points, x) for x in found.covariance[finite].reshape(-1, 4).T])
-    away = sigmas * ellipse_contact(covariance.reshape(-1, 2, 2), np.column_stack([np.cos(angle), np.sin(angle)]))
-    u, v = (middle + away) * size, (middle - away) * size
+    offsets = sigmas * ellipse_contact(covariance.reshape(-1, 2, 2), np.column_stack([np.cos(angle), np.sin(angle)]))
+    u, v = (middle + offsets) * size, (middle - offsets) * size
     triangles = np.concatenate([np.stack([u[:-1], u[1:], v[:-1]], 1), np.stack([u[1:], v[1:], v[:-1]], 1)])
     side_a, side_b = triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]
     clockwise = side_a[:, 0] * side_b[:, 1] < side_a[:, 1] * side_b[:, 0]
