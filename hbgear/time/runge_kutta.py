@@ -34,7 +34,7 @@ from hbgear.time.flows.contact_flow import ContactFlow
 from hbgear.time.flows.excitation import Excitation, Interval
 from hbgear.time.flows.slider_flow import SliderFlow
 from hbgear.time.flows.stick_flow import StickFlow
-from hbgear.time.flows.structure_states import StructureStates
+from hbgear.time.flows.structure_states import StructureStates, displacement_scales
 
 METHODS = ("DOP853", "RK45", "Radau")
 """Methods of SciPy."""
@@ -308,15 +308,12 @@ class Flow:
                 sticks = self.rigid.exits(self, rates, solver, rigid)
                 events = np.concatenate([change, zone_exits, ends, sticks])
                 stop = float(min(exits.min(), events.min(initial=np.inf)))
+                if visit:
+                    visit(solver.t_old, min(stop, solver.t), solver.dense_output())
                 if not np.isfinite(stop):
-                    if visit:
-                        visit(solver.t_old, solver.t, solver.dense_output())
                     t, Y = solver.t, solver.y
                     continue
-                t0 = solver.t_old
-                if visit:
-                    visit(t0, stop, solver.dense_output())
-                Y = _repeat_step(f, t0, before, stop, method, tolerance, atol, options)
+                Y = _repeat_step(f, solver.t_old, before, stop, method, tolerance, atol, options)
                 t = stop
                 limit = stop + 1e-12 * (1 / self.Omega + abs(stop))
                 segment += np.where(exits <= limit, side, 0)
@@ -339,21 +336,14 @@ class Flow:
         max_change = 2 * (solver.t - solver.t_old) * np.maximum(np.abs(v0), np.abs(v1))
         if np.all((np.maximum(d0, d1) + max_change < high) & (np.minimum(d0, d1) - max_change > low)):
             return np.full(self.m, np.inf), np.zeros(self.m, dtype=int)
-        dense, size = solver.dense_output(), self.lengths(solver)
-        t = np.linspace(solver.t_old, solver.t, SAMPLES_PER_STEP + 1)
+        dense, t = solver.dense_output(), np.linspace(solver.t_old, solver.t, SAMPLES_PER_STEP + 1)
+        size = displacement_scales(self, dense(t[[0, -1]]))
         d, v = (x / size[:, None] for x in self.gaps_over(t, dense(t)))
 
-        def value(rows: Integers, instants: Array) -> Array:
-            d = (self.gaps(x, dense(x), interval)[0][j] / size[j] for j, x in zip(rows, instants, strict=True))
-            return np.array(list(d))
+        def value(rows: Integers, t: Array) -> Array:
+            return np.array([self.gaps(x, dense(x), interval)[0][j] / size[j] for j, x in zip(rows, t, strict=True)])
 
         return first_exit(t, d, v, low / size, high / size, value)
-
-    def lengths(self, solver: Any) -> Array:
-        """Return the sizes (m,) of the terms whose sums are the displacements in the last step, for their rounding."""
-        y = np.maximum(*(np.abs(x.reshape(self.size, -1)[: self.order, 0]) for x in (solver.y_old, solver.y)))
-        size: Array = np.abs(self.D) @ y + self.displacements
-        return np.where(size > 0, size, 1.0)
 
 
 def _sizes(flow: Flow, Y: Array) -> Array:

@@ -77,7 +77,7 @@ def test_warnings_state_speeds_of_models_with_units():
     """A value of Omega with n digits is a speed with n - 1 digits, at least five."""
     pair = hb.gears.GearPair(*(hb.gears.Gear(z, "3 mm", face_width="20 mm") for z in (25, 40)), backlash="80 um")
     branch = hb.trace(hb.HarmonicBalance(pair.model("200 N m", 0.05), 4), "Omega", (0.31, 0.3), accuracy=None)
-    factor = speeds_of(branch, branch[0])["r/min"] / branch.values[0]
+    factor = speeds_of(branch, branch[0])["pinion r/min"] / branch.values[0]
     text = "between Omega = 0.647487 and Omega = 0.123456789"
     assert in_speeds(branch, text) == f"between {0.647487 * factor:.5g} r/min and {0.123456789 * factor:.8g} r/min"
     assert in_speeds(branch, text, dimensionless=True) == text

@@ -25,7 +25,7 @@ _COMPLEX = 1e-8
 """Imaginary part of a multiplier, relative to its modulus, above which it belongs to a pair."""
 
 
-_SAME_POINT = 1e-6
+_SAME_ROOT = 1e-6
 """Distance of two points, as a fraction of the segment, up to which they are one point: a pair has two moduli."""
 
 
@@ -69,7 +69,7 @@ class _CycleEvent(Event):
         located: list[LocatedEvent] = []
         for k in np.flatnonzero(before * after < 0).tolist():
             one = locate_root(segment, self, partial(value, k))
-            is_new = all(abs(one.s - other.s) > _SAME_POINT for other in located)
+            is_new = all(abs(one.s - other.s) > _SAME_ROOT for other in located)
             if is_new and self.occurs(multipliers(one.point)):
                 located.append(one)
         return located

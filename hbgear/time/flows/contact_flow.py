@@ -17,6 +17,7 @@ import numpy as np
 from hbgear.common.arrays import Array
 from hbgear.mechanics.models import Element
 from hbgear.time.exponential.segments import SAMPLES_PER_STEP, Integers, first_exit
+from hbgear.time.flows.structure_states import displacement_scales
 
 FREE, PUSHES, OPEN = 0, 1, 2
 """States of a contact."""
@@ -79,8 +80,8 @@ class ContactFlow:
         """Return the instants (Q,) in the last step at which contacts leave their states, inf if they do not."""
         if not len(self):
             return np.full(0, np.inf)
-        dense, size = solver.dense_output(), flow.lengths(solver)[self.element][:, None]
-        t = np.linspace(solver.t_old, solver.t, SAMPLES_PER_STEP + 1)
+        dense, t = solver.dense_output(), np.linspace(solver.t_old, solver.t, SAMPLES_PER_STEP + 1)
+        size = displacement_scales(flow, dense(t[[0, -1]]))[self.element][:, None]
 
         def tests(instants: Array) -> Array:
             """Return functions (Q, T) that become positive where a contact leaves its state."""

@@ -21,6 +21,7 @@ from hbgear.common.arrays import Array
 from hbgear.mechanics.laws.slider import friction_limits
 from hbgear.mechanics.models import Element
 from hbgear.time.exponential.segments import BREAKPOINT_TOLERANCE, SAMPLES_PER_STEP, Integers, first_exit
+from hbgear.time.flows.structure_states import displacement_scales
 
 _ON_LIMIT = 1e-9
 """Distance from the friction limit, relative to limit / k [-], within which a state that moves outwards slips."""
@@ -152,7 +153,7 @@ class SliderFlow:
 
         samples = tests(t)
         size = np.abs(samples[0]).max(axis=1)
-        sizes = np.where(size > 0, size, 1.0), flow.lengths(solver)[self.normal]
+        sizes = np.where(size > 0, size, 1.0), displacement_scales(flow, dense(t[[0, -1]]))[self.normal]
         change = first(0, np.where(slip == 0, -np.inf, 0.0), np.where(slip == 0, 0.0, np.inf))[0]
         if (self.normal < 0).all():
             return change, never, no_changes

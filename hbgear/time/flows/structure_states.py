@@ -12,6 +12,7 @@ damper, and none for the static ones, which follow the others and the loads, s =
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import scipy
@@ -193,3 +194,10 @@ class StructureStates:
             change = rate[rows] - self._through @ (kd[rows, None] * u[rows])
             rate[rows] = np.linalg.solve(np.eye(len(rows)) + self._through * kv[rows], change)
         return rate
+
+
+def displacement_scales(flow: Any, states: Array) -> Array:
+    """Return the sizes (m,) of the terms whose sums are the displacements in states (size, T), for their rounding."""
+    y = np.abs(states.reshape(flow.size, -1, states.shape[-1])[: flow.order, 0]).max(axis=1)
+    size: Array = np.abs(flow.D) @ y + flow.displacements
+    return np.where(size > 0, size, 1.0)
