@@ -680,7 +680,7 @@ def differing_fields(stored: Mapping[str, Any], current: Mapping[str, Any]) -> l
 
     Parameters
     ----------
-    written, own : mapping
+    stored, current : mapping
         Description in a file, and that of a model.
 
     Returns

@@ -224,10 +224,10 @@ class OmegaAxis:
 
     Parameters
     ----------
-    known : mapping of str to float
+    speeds : mapping of str to float
         Values of Omega = 1 in physical units by `MESH` and `PINION`; empty if the model has no scales, and without
         `MESH` if the number of teeth differs.
-    usual : str, optional
+    label : str, optional
         Label of the axis of Omega.
     dimensionless : bool, optional
         Whether Omega is kept; default False.

@@ -249,7 +249,7 @@ def distance(a: Point, b: Point) -> float:
 
     Parameters
     ----------
-    one, other : Point
+    a, b : Point
         Solutions.
 
     Returns
@@ -309,7 +309,7 @@ def point_on_new_branch(
         A branch point or period doubling of it.
     side : {1, -1}
         Direction in which the new branch leaves.
-    away : float
+    offset : float
         Distance relative to the solution norm.
     settings : NewtonSettings
         Settings of the corrector.

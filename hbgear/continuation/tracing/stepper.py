@@ -146,7 +146,7 @@ class Stepper:
 
         Parameters
         ----------
-        before : CurvePoint
+        last : CurvePoint
             Last point.
         scale : ndarray, shape (n + 1,)
             Scales of the unknowns and of the parameter.

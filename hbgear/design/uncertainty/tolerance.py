@@ -114,17 +114,17 @@ def jump_tolerance(
     tuple of JumpTolerance
         Scatter of each jump of the curve.
 
-    Warns
-    -----
-    UserWarning
-        If draws are left out, because a parameter is outside its range.
-
     Raises
     ------
     KeyError
         If the model has no such parameter.
     ValueError
         If a deviation is negative, the curve has no jumps or no problem, or the model does not know the unit.
+
+    Warns
+    -----
+    UserWarning
+        If draws are left out, because a parameter is outside its range.
 
     Examples
     --------
