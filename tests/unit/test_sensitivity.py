@@ -54,7 +54,7 @@ def check(point, parameters=None):
     found = hb.analysis.sensitivity(point, parameters)
     names, expected, at = differences(point, parameters)
     assert found.parameters == names
-    unit = np.array([at.problem.unit_of(name, at.here[name]) for name in names])
+    unit = np.array([at.problem.unit_of(name, at.parameters[name]) for name in names])
     p, size = expected[:, -1], max(abs(point.parameters[at.parameter]), 1e-3)
     error = np.abs(found.slopes[0] - p)
     bad = error > CLOSE * np.abs(p) + LEAST * size / unit
