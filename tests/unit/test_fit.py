@@ -174,7 +174,7 @@ def test_a_parameter_without_effect_keeps_its_value():
     search = FitSearch(hb.HarmonicBalance(hb.SpurPair(), 3), data, ("zeta", "eps_scale"), (0.6, 1.1), None)
     search.evaluate(np.array([0.07, 1.7]))
     search.restore(np.array([0.05, 1.0]), np.array([0.01, 0.1]), np.array([0.2, 10.0]))
-    assert search.best.parameter_values["zeta"] == 0.07 and search.best.here["eps_scale"] == 1.0
+    assert search.best.parameter_values["zeta"] == 0.07 and search.best.parameter_values["eps_scale"] == 1.0
 
 
 def profile(residual, J, x, low=-np.inf, high=np.inf, unit=1.0):
