@@ -56,12 +56,12 @@ def checked_arguments(**needs: str) -> Callable[[F], F]:
         signature = inspect.signature(call)
         parameters = signature.parameters
         variadic = {inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD}
-        single = not variadic & {each.kind for each in parameters.values()}
-        names = [name for name, each in parameters.items() if each.kind is not inspect.Parameter.KEYWORD_ONLY]
-        needed = {name for name, each in parameters.items() if each.default is each.empty}
+        single = not variadic & {parameter.kind for parameter in parameters.values()}
+        names = [name for name, parameter in parameters.items() if parameter.kind is not inspect.Parameter.KEYWORD_ONLY]
+        needed = {name for name, parameter in parameters.items() if parameter.default is parameter.empty}
         annotated = {  # type and default of each; to read a Signature takes longer
-            name: (each.annotation, each.default, each.kind is each.VAR_KEYWORD)
-            for name, each in parameters.items() if each.annotation is not each.empty
+            name: (parameter.annotation, parameter.default, parameter.kind is parameter.VAR_KEYWORD)
+            for name, parameter in parameters.items() if parameter.annotation is not parameter.empty
         }  # fmt: skip
         name = call.__name__
 
@@ -84,8 +84,8 @@ def checked_arguments(**needs: str) -> Callable[[F], F]:
                     continue
                 kind = _kind(call.__module__, annotation)
                 if several:
-                    for each, inner in value.items():
-                        _check_argument(owner, each, inner, kind)
+                    for key, inner in value.items():
+                        _check_argument(owner, key, inner, kind)
                 else:
                     _check_argument(owner, key, value, kind, needs.get(key, ""))
             return call(*args, **given)
@@ -115,7 +115,7 @@ def check_fields(instance: Any) -> None:
     TypeError
         If a field is an object of another class.
     """
-    fields = {each.name: each for each in dataclasses.fields(instance)}
+    fields = {field.name: field for field in dataclasses.fields(instance)}
     for cls in type(instance).__mro__:
         for name, annotation in vars(cls).get("__annotations__", {}).items():
             field = fields.pop(name, None)
@@ -145,8 +145,8 @@ def check(owner: str, name: str, value: Any, kind: Any, need: str = "") -> None:
         good = False
     if good:
         return
-    kinds = [each for each in _alternatives(kind) if each is not type(None)]
-    if need or all(isinstance(each, type) and each not in _WORDS for each in kinds):
+    kinds = [alternative for alternative in _alternatives(kind) if alternative is not type(None)]
+    if need or all(isinstance(alternative, type) and alternative not in _WORDS for alternative in kinds):
         way = _way(value, kinds)
         raise TypeError(f"{owner}({name}) needs {need or words(kind)}; got {given(value)}{way and f': {way}'}")
     raise ValueError(f"{owner}: {name} = {quoted(value)} must be {words(kind)}")
@@ -175,7 +175,7 @@ def _check_finite(owner: str, name: str, value: Any) -> None:
 def fits(value: Any, kind: Any) -> bool:
     """Return whether a value is of a type; numbers too large for a float raise OverflowError."""
     if len(alternatives := _alternatives(kind)) > 1:
-        return any(fits(value, each) for each in alternatives)
+        return any(fits(value, alternative) for alternative in alternatives)
     kind = alternatives[0]
     origin, inner = typing.get_origin(kind), typing.get_args(kind)
     if kind is Any or isinstance(kind, TypeVar | str):
@@ -210,8 +210,8 @@ def _fits_by_type(given: type, kind: Any) -> bool:
     """Return whether every value of a class is of a type, and cannot contain numbers that are not finite."""
     if issubclass(given, float | list | tuple | np.ndarray | np.generic | Mapping | type):
         return False
-    classes = [each for each in _alternatives(kind) if isinstance(each, type)]
-    return given in classes or any(_is_of(given, each) for each in classes if each not in _FITS)
+    classes = [cls for cls in _alternatives(kind) if isinstance(cls, type)]
+    return given in classes or any(_is_of(given, cls) for cls in classes if cls not in _FITS)
 
 
 def _is_of(given: type, kind: type) -> bool:
@@ -225,12 +225,12 @@ def _is_of(given: type, kind: type) -> bool:
 def words(kind: Any) -> str:
     """Return a type in words, to follow "must be" or "needs"."""
     if len(alternatives := _alternatives(kind)) > 1:
-        *others, last = dict.fromkeys(words(each) for each in alternatives)
+        *others, last = dict.fromkeys(words(alternative) for alternative in alternatives)
         return f"{', '.join(others)} or {last}" if others else last
     kind = alternatives[0]
     origin, inner = typing.get_origin(kind), typing.get_args(kind)
     if origin is typing.Literal:
-        return " or ".join(repr(each) for each in inner)
+        return " or ".join(repr(value) for value in inner)
     if origin is np.ndarray:
         return "an array of numbers"
     if origin is os.PathLike:
@@ -240,9 +240,9 @@ def words(kind: Any) -> str:
     if origin in (tuple, Sequence) and inner:
         if inner == (float, float):
             return "two numbers (from, to)"
-        what = _plural(inner[0])
+        noun = _plural(inner[0])
         fixed = origin is tuple and inner[-1] is not ...
-        return f"{_COUNTS.get(len(inner), len(inner))} {what}" if fixed else f"a sequence of {what}"
+        return f"{_COUNTS.get(len(inner), len(inner))} {noun}" if fixed else f"a sequence of {noun}"
     if origin in (Mapping, dict):
         return f"a dict of {_plural(inner[1])}"
     return _WORDS.get(kind) or _NEEDED.get(kind.__name__) or article(kind.__name__)
@@ -282,7 +282,9 @@ _COUNTS = {2: "two", 3: "three"}
 
 def _plural(kind: Any) -> str:
     """Return the name of a type in the plural, for the elements of a sequence."""
-    names = ("numbers" if each is float else f"{re.sub('^an? ', '', words(each))}s" for each in _alternatives(kind))
+    names = (
+        "numbers" if member is float else f"{re.sub('^an? ', '', words(member))}s" for member in _alternatives(kind)
+    )
     return " or ".join(dict.fromkeys(names))
 
 
@@ -293,14 +295,14 @@ def _alternatives(kind: Any) -> tuple[Any, ...]:
         return kind.__constraints__
     union = typing.get_origin(kind) in (typing.Union, types.UnionType)
     kinds = typing.get_args(kind) if union else (kind,)
-    return tuple(typing.get_args(each)[1] if typing.get_origin(each) is Annotated else each for each in kinds)
+    return tuple(typing.get_args(member)[1] if typing.get_origin(member) is Annotated else member for member in kinds)
 
 
 @functools.cache
 def _kind_of_entries(kind: Any) -> Any:
     """Return the type of the values of a dict; None for other types."""
-    found = (each for each in _alternatives(kind) if typing.get_origin(each) in (Mapping, dict))
-    return next((typing.get_args(each)[1] for each in found), None)
+    mappings = (mapping for mapping in _alternatives(kind) if typing.get_origin(mapping) in (Mapping, dict))
+    return next((typing.get_args(mapping)[1] for mapping in mappings), None)
 
 
 def _is_sequence(value: Any) -> bool:
@@ -356,7 +358,7 @@ def _kind(module: str, annotation: Any) -> Any:
 
 def _names(cls: type) -> list[str]:
     """Return the names of a class and its base classes."""
-    return [each.__name__ for each in cls.__mro__]
+    return [base.__name__ for base in cls.__mro__]
 
 
 _NEEDED = {

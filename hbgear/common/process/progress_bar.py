@@ -39,31 +39,33 @@ class ProgressBar:
         self._shown: Any = None
         self._now = Progress(0.0)
 
-    def __call__(self, now: Progress) -> None:
+    def __call__(self, progress: Progress) -> None:
         """Show the progress, at most every 0.1 s."""
-        self._now = now
+        self._now = progress
         at = time.monotonic()
-        if now.done != 1.0 and at - self._last < _MIN_INTERVAL:
+        if progress.done != 1.0 and at - self._last < _MIN_INTERVAL:
             return
         self._last = at
         display = _display()
         if display is None:
             if sys.stderr.isatty():
-                end = "\n" if now.done == 1.0 else ""
-                print(f"\r\033[K{self.text}  {now}".rstrip(), end=end, file=sys.stderr, flush=True)
+                end = "\n" if progress.done == 1.0 else ""
+                print(f"\r\033[K{self.text}  {progress}".rstrip(), end=end, file=sys.stderr, flush=True)
         elif self._shown is None:
-            self._shown = display({"text/html": self._drawn(now), "text/plain": str(now)}, raw=True, display_id=True)
+            self._shown = display(
+                {"text/html": self._html(progress), "text/plain": str(progress)}, raw=True, display_id=True
+            )
         else:
-            self._shown.update({"text/html": self._drawn(now), "text/plain": str(now)}, raw=True)
+            self._shown.update({"text/html": self._html(progress), "text/plain": str(progress)}, raw=True)
 
     def _repr_html_(self) -> str:
         """Return the bar for notebooks."""
-        return self._drawn(self._now)
+        return self._html(self._now)
 
-    def _drawn(self, now: Progress) -> str:
+    def _html(self, progress: Progress) -> str:
         """Return the HTML of the bar."""
-        value = "" if math.isnan(now.done) else f' value="{now.done:.4f}"'
-        return f"{html.escape(self.text)} <progress{value}></progress> {html.escape(now.text)}"
+        value = "" if math.isnan(progress.done) else f' value="{progress.done:.4f}"'
+        return f"{html.escape(self.text)} <progress{value}></progress> {html.escape(progress.text)}"
 
 
 def _display() -> Any:

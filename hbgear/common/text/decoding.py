@@ -9,16 +9,16 @@ MOST_BYTES = 32 << 20
 """Size [bytes] above which a text file is refused: input files that a person writes are smaller."""
 
 
-def bytes_of_file(path: str | os.PathLike[str], what: str, most: int = MOST_BYTES) -> bytes:
+def bytes_of_file(path: str | os.PathLike[str], kind: str, max_size: int = MOST_BYTES) -> bytes:
     """Return the bytes of a regular file; pipes and devices, which may never end, are not opened.
 
     Parameters
     ----------
     path : path_like
         The file.
-    what : str
+    kind : str
         Content that is expected, for messages, such as "a study".
-    most : int, optional
+    max_size : int, optional
         Size in bytes above which the file is refused. The default is 32 MiB.
 
     Returns
@@ -31,32 +31,32 @@ def bytes_of_file(path: str | os.PathLike[str], what: str, most: int = MOST_BYTE
     ValueError
         If the file cannot be opened, is a pipe, a device, a socket or a folder, or is too large.
     """
-    refused = f"'{path}' cannot be read as {what}"
+    refused = f"'{path}' cannot be read as {kind}"
     try:
         mode = os.stat(path).st_mode
         if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):
             raise ValueError(f"{refused}: it is a pipe, a device or a socket; need a regular file")
         with open(path, "rb") as handle:
-            content = handle.read(most + 1)  # files of /proc have no size
+            content = handle.read(max_size + 1)  # files of /proc have no size
     except OSError as error:
         raise ValueError(f"{refused}: {error.strerror}") from None
     except ValueError as error:
         if "null byte" in str(error):
             raise ValueError(f"{str(path)!r} is no name of a file: it has a null character") from None
         raise
-    if len(content) > most:
-        raise ValueError(f"{refused}: it has more than {most / 2**20:g} MiB; need a smaller file")
+    if len(content) > max_size:
+        raise ValueError(f"{refused}: it has more than {max_size / 2**20:g} MiB; need a smaller file")
     return content
 
 
-def text_of_file(path: str | os.PathLike[str], what: str) -> str:
+def text_of_file(path: str | os.PathLike[str], kind: str) -> str:
     """Return the text of a file in UTF-8, with or without a byte order mark.
 
     Parameters
     ----------
     path : path_like
         The file.
-    what : str
+    kind : str
         Content that is expected, for messages, such as "a study".
 
     Returns
@@ -70,9 +70,9 @@ def text_of_file(path: str | os.PathLike[str], what: str) -> str:
         If the file cannot be opened, is no regular file, is too large, or contains no text.
     """
     try:
-        text = bytes_of_file(path, what).decode("utf-8-sig")
+        text = bytes_of_file(path, kind).decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise ValueError(f"'{path}' cannot be read as {what}: {_not_text(error)}") from None
+        raise ValueError(f"'{path}' cannot be read as {kind}: {_not_text(error)}") from None
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
