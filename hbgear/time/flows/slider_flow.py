@@ -51,17 +51,17 @@ class SliderFlow:
     """
 
     def __init__(self, elements: Sequence[Element]) -> None:
-        found = friction_limits(elements)
-        self.element = np.array([j for j, *_ in found], dtype=int)
-        self.normal = np.array([limit.normal for *_, limit in found], dtype=int)
-        self.k, self.residual = np.array([(one.k, one.residual) for _, one, _ in found]).reshape(-1, 2).T
-        self._waves = [(i, limit.wave) for i, (*_, limit) in enumerate(found) if limit.wave.varies]
-        B = max([0, *(len(limit.level) for *_, limit in found)])
-        self.level, self.gain, self.base = np.full((len(found), B), np.inf), *np.zeros((2, len(found), B + 1))
-        for i, (*_, limit) in enumerate(found):
+        limits = friction_limits(elements)
+        self.element = np.array([j for j, *_ in limits], dtype=int)
+        self.normal = np.array([limit.normal for *_, limit in limits], dtype=int)
+        self.k, self.residual = np.array([(slider.k, slider.residual) for _, slider, _ in limits]).reshape(-1, 2).T
+        self._waves = [(i, limit.wave) for i, (*_, limit) in enumerate(limits) if limit.wave.varies]
+        B = max([0, *(len(limit.level) for *_, limit in limits)])
+        self.level, self.gain, self.base = np.full((len(limits), B), np.inf), *np.zeros((2, len(limits), B + 1))
+        for i, (*_, limit) in enumerate(limits):
             self.level[i, : len(limit.level)] = limit.level
             self.gain[i, : len(limit.gain)], self.base[i, : len(limit.base)] = limit.gain, limit.base
-        self._indices = np.arange(len(found))
+        self._indices = np.arange(len(limits))
 
     def __len__(self) -> int:
         return len(self.element)
@@ -69,8 +69,8 @@ class SliderFlow:
     def zones(self, d: Array, v: Array) -> Integers:
         """Return the zones (Q,) of the limits at displacements and rates (m,); on a level the rate decides."""
         x, rate = d[self.normal], v[self.normal]
-        ahead = x + np.where(rate < 0, -1.0, 1.0) * BREAKPOINT_TOLERANCE * (1 + np.abs(x))
-        zone: Integers = np.where(self.normal >= 0, np.sum(ahead[:, None] > self.level, axis=1), 0)
+        shifted = x + np.where(rate < 0, -1.0, 1.0) * BREAKPOINT_TOLERANCE * (1 + np.abs(x))
+        zone: Integers = np.where(self.normal >= 0, np.sum(shifted[:, None] > self.level, axis=1), 0)
         return zone
 
     def limit(self, zone: Integers, tau: Any, Omega: float, d: Array, v: Array) -> tuple[Array, Array, Array]:
@@ -94,10 +94,10 @@ class SliderFlow:
 
     def positions(self, tau: float, d: Array, z: Array | None = None) -> Array:
         """Return positions (Q,) within the friction limits at displacements d (m,), by default the residual ones."""
-        reach = self.limit(self.zones(d, 0 * d), tau, 0.0, d, 0 * d)[0] / self.k
+        max_elastic = self.limit(self.zones(d, 0 * d), tau, 0.0, d, 0 * d)[0] / self.k
         d = d[self.element]
-        found: Array = np.clip(self.residual if z is None else z, d - reach, d + reach)
-        return found
+        positions: Array = np.clip(self.residual if z is None else z, d - max_elastic, d + max_elastic)
+        return positions
 
     def at(self, tau: float, Omega: float, d: Array, v: Array, z: Array, zone: Integers | None = None) -> Integers:
         """Return the state (2, Q) of each slider at displacements and rates (m,), see `SLIP` and `ZONE`.
@@ -106,10 +106,10 @@ class SliderFlow:
         """
         zone = self.zones(d, v) if zone is None else zone
         limit, rate, _ = self.limit(zone, tau, Omega, d, v)
-        stretch, reach, v = d[self.element] - z, limit / self.k, v[self.element]
-        size = _ON_LIMIT * np.maximum(reach, np.abs(d[self.element]))
-        outwards = np.where(reach > size, np.sign(stretch), np.sign(v))  # a contact that closes has no stretch
-        slips = (np.abs(stretch) >= reach - size) & (outwards * v > rate / self.k)
+        elastic, max_elastic, v = d[self.element] - z, limit / self.k, v[self.element]
+        size = _ON_LIMIT * np.maximum(max_elastic, np.abs(d[self.element]))
+        outwards = np.where(max_elastic > size, np.sign(elastic), np.sign(v))  # a contact that closes has no stretch
+        slips = (np.abs(elastic) >= max_elastic - size) & (outwards * v > rate / self.k)
         slip = np.where(self.is_open(zone), 1.0, np.where(slips, outwards, 0.0))
         return np.array([slip, zone]).astype(int)
 
@@ -213,9 +213,9 @@ def complete_state(flow: Any, t: float, y: Array) -> Array:
     """
     n, Q = 2 * flow.structure.n, len(flow.sliders)
     if y.shape not in ((n,), (n + Q,)):
-        more = f", or ({n + Q},) with the positions of the sliders" if Q else ""
+        hint = f", or ({n + Q},) with the positions of the sliders" if Q else ""
         raise ValueError(
-            f"a state of shape {y.shape} does not fit {n // 2} coordinates; give an array of shape ({n},){more}"
+            f"a state of shape {y.shape} does not fit {n // 2} coordinates; give an array of shape ({n},){hint}"
         )
     if not Q:
         return y
