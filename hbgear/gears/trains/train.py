@@ -231,7 +231,7 @@ class Train(TrainLayout):  # numpydoc ignore=PR02
                 name=mesh.name,
             )
             for w, mesh, order, lag in zip(
-                self.mesh_vectors().T, self._running, motion.orders, motion.lags, strict=True
+                self.mesh_vectors().T, motion.meshes, motion.orders, motion.lags, strict=True
             )
         ]
         friction = [

@@ -71,6 +71,8 @@ class Kinematics:
         For each mesh, +1 if the outer wheel pushes counter-clockwise, else -1. Without a torque the first wheel drives.
     backward : tuple of bool
         For each mesh, whether the second wheel drives the first.
+    meshes : tuple of Mesh
+        Meshes with functions of tau in the direction of the rotation, see `Mesh.backward`.
     lags : tuple of float
         Phase lag of each mesh in its own tau [rad].
     angles : tuple of tuple of float
@@ -86,6 +88,7 @@ class Kinematics:
     ratio: Fraction
     sides: tuple[int, ...]
     backward: tuple[bool, ...]
+    meshes: tuple[Mesh, ...]
     lags: tuple[float, ...]
     angles: tuple[tuple[float, float], ...]
     start_angles: Mapping[str, float]
@@ -139,9 +142,9 @@ def kinematics(
     forward = [sign if signed[mesh.first] > 0 else -sign for mesh, sign in zip(meshes, outer_signs, strict=True)]
     sides = ((push_signs[0] or 1), *(push or side for push, side in zip(push_signs[1:], forward[1:], strict=True)))
     backward_meshes = tuple(side != sign for side, sign in zip(sides, forward, strict=True))
-    running = [mesh.backward() if back else mesh for mesh, back in zip(meshes, backward_meshes, strict=True)]
+    running = tuple(mesh.backward() if back else mesh for mesh, back in zip(meshes, backward_meshes, strict=True))
     lags, start_angles = _lags(wheels, groups, running, signed, sides, angles)
-    return Kinematics(signed, orders, ratio, sides, backward_meshes, lags, angles, start_angles, forces)
+    return Kinematics(signed, orders, ratio, sides, backward_meshes, running, lags, angles, start_angles, forces)
 
 
 def _shaft_frequencies(wheels: Mapping[str, Wheel], speeds: Mapping[str, Fraction]) -> list[Fraction]:

@@ -191,12 +191,6 @@ class TrainLayout(Model):
     def _kinematics(self) -> Kinematics:
         return kinematics(self._by_name, self.joints, self.meshes)
 
-    @cached_property
-    def _running(self) -> tuple[Mesh, ...]:
-        """Meshes with functions of tau in the direction of the rotation."""
-        backward = self._kinematics.backward
-        return tuple(mesh.backward() if back else mesh for mesh, back in zip(self.meshes, backward, strict=True))
-
     @property
     def torques(self) -> dict[str, float]:
         """Mean external torque on each wheel [N m]."""
