@@ -20,6 +20,7 @@ from hbgear.analysis.quantities.axis_quantities import SPEED_LABEL, Abscissa, Or
 from hbgear.common.text.digits import concise, outward, rounded
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point, SpecialPoint
+from hbgear.continuation.results.reliability import special_point_size
 from hbgear.harmonic.bifurcations.events import named
 from hbgear.harmonic.equations.layout import layout_of
 from hbgear.harmonic.models import model_registry
@@ -267,8 +268,7 @@ def reliability_lines(branch: Branch, dimensionless: bool = False) -> list[str]:
 
 def _special_point_error(branch: Branch) -> Iterator[str]:
     """Yield the largest relative error of the special points, with the number of errors that are unknown."""
-    sizes = np.array([abs(point.parameters[branch.parameter]) or 1.0 for point in branch.special])
-    errors = np.array([point.error for point in branch.special]) / sizes
+    errors = np.array([point.error / special_point_size(branch, point) for point in branch.special])
     finite = np.isfinite(errors)  # a point in an interval only has the error inf
     unknown = int((~finite).sum())
     if unknown < len(errors):

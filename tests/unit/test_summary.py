@@ -81,3 +81,14 @@ def test_warnings_state_speeds_of_models_with_units():
     text = "between Omega = 0.647487 and Omega = 0.123456789"
     assert in_speeds(branch, text) == f"between {0.647487 * factor:.5g} r/min and {0.123456789 * factor:.8g} r/min"
     assert in_speeds(branch, text, dimensionless=True) == text
+
+
+def test_errors_of_special_points_near_zero_are_relative_to_a_thousandth_of_the_largest_value(curve):
+    """A value of 2e-15 is no size: an error of 3e-15 is accurate on a curve up to 1.6."""
+    special = tuple(
+        replace(point, parameters={**point.parameters, "Omega": 2e-15}, error=3e-15) for point in curve.special
+    )
+    branch = replace(curve, special=special)
+    largest = np.abs(curve.values).max()
+    assert f"special points {3e-15 / (1e-3 * largest):.0e}" in reliability_lines(branch)[0]
+    assert not any("accuracy" in warning for warning in branch.warnings)

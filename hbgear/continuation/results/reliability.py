@@ -59,15 +59,20 @@ _SMALLEST_SIZE = 1e-3
 """Size of a parameter at a special point, relative to its largest value on the curve; a value near zero is no size."""
 
 
+def special_point_size(branch: BranchData, point: SpecialPoint) -> float:
+    """Return the size of the parameter at a special point, to which its relative error refers."""
+    smallest = _SMALLEST_SIZE * float(np.abs(branch.values).max(initial=0.0))
+    return max(abs(point.parameters[branch.parameter]), smallest) or 1.0
+
+
 def _inaccurate_special_points(branch: BranchData) -> list[str]:
     """Return a warning if errors of special points are unknown or larger than twice the accuracy of the trace."""
     accuracy = branch.meta.get("trace", {}).get("accuracy") or math.inf
     with_errors = math.isfinite(accuracy) and bool(np.isfinite(branch.error).any())
-    smallest = _SMALLEST_SIZE * float(np.abs(branch.values).max(initial=0.0))
     labels = []
     for point in branch.special:
-        size = max(abs(point.parameters[branch.parameter]), smallest)
-        inaccurate = with_errors if math.isnan(point.error) else point.error > 2 * accuracy * size
+        limit = 2 * accuracy * special_point_size(branch, point)
+        inaccurate = with_errors if math.isnan(point.error) else point.error > limit
         if not point.located or inaccurate:
             labels.append(point.label)
     return [f"{', '.join(labels)} not known to the accuracy of {accuracy:g}"] if labels else []
