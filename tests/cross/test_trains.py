@@ -38,12 +38,28 @@ def double_helical(pair, **kwargs):
     return hb.gears.Train(wheels, meshes, shafts, bearings, balance="gR", **kwargs)
 
 
+def with_published_arms(train, pair):
+    """The equations of the train with the arms of the axial forces of the paper: to the base circles, where the line of
+    action touches them. A train has the arms to the pitch point; all other entries are equal.
+
+    The paper counts the rotations of the wheels the other way."""
+    signs, forces = np.ones((4, 6)), [0, 1, 2, 5]
+    signs[1::2, 3:] = -1.0
+    elements = []
+    for gap, published in zip(train.system().elements, pair.system().elements, strict=True):
+        found, w = np.reshape(gap.direction, (4, 6)), signs * np.reshape(published.direction, (4, 6))
+        np.testing.assert_allclose(found[:, forces], w[:, forces], rtol=0, atol=1e-12)
+        assert np.abs(found - w).max() > 0.01
+        elements.append(dataclasses.replace(gap, direction=w.ravel()))
+    return dataclasses.replace(train.system(), elements=elements)
+
+
 def test_the_marine_pair_is_the_model_written_by_hand(rng):
     pair = hb.gears.DoubleHelicalPair(zeta=0.05)
     train = double_helical(pair)
     assert train.omega_n == pytest.approx(pair.omega_n, rel=1e-12)
     assert train.lags == pytest.approx({"pL-gL": 0.0, "pR-gR": 0.0}, abs=1e-12)
-    by_hand, built = hb.HarmonicBalance(pair, 12), hb.HarmonicBalance(train, 12)
+    by_hand, built = hb.HarmonicBalance(pair, 12), hb.HarmonicBalance(with_published_arms(train, pair), 12)
     for Omega in (0.31, 0.77, 1.4):
         X = rng.standard_normal(by_hand.size)
         for a, b in zip(by_hand.evaluate(X, Omega=Omega), built.evaluate(X, Omega=Omega), strict=True):
@@ -61,7 +77,8 @@ def test_the_marine_pair_is_the_model_written_by_hand(rng):
 
 def test_folds_of_the_marine_pair():
     pair = hb.gears.DoubleHelicalPair(zeta=0.05)
-    curves = [hb.trace(hb.HarmonicBalance(model, 12), "Omega", (1.0, 0.8)) for model in (pair, double_helical(pair))]
+    train = with_published_arms(double_helical(pair), pair)
+    curves = [hb.trace(hb.HarmonicBalance(model, 12), "Omega", (1.0, 0.8)) for model in (pair, train)]
     folds = [[p.parameters["Omega"] for p in curve.special if p.kind == "LP"] for curve in curves]
     assert len(folds[0]) == 2
     np.testing.assert_allclose(folds[1], folds[0], rtol=1e-9)
@@ -367,3 +384,48 @@ def test_a_train_of_two_helical_wheels_is_the_pair(mesh):
     X = hb.HarmonicBalance(one, 12).start(Omega=Omega)
     np.testing.assert_allclose(hb.HarmonicBalance(train, 12).start(Omega=other), X, rtol=0, atol=1e-8)
     assert train.scales.pinion_speed(other) == pytest.approx(one.scales.pinion_speed(Omega))
+
+
+def in_space(pair, place):
+    """Train of a drawn pair on bearings, the wheel in a direction from the pinion."""
+    distance, free = pair.working_center_distance, {"moves": "space"}
+    wheels = [
+        hb.gears.Wheel.of("a", pair.pinion, torque="100 N m", **free),
+        hb.gears.Wheel.of("b", pair.wheel, x=distance * cos(place), y=distance * sin(place), **free),
+    ]
+    bearings = [hb.gears.Bearing(name, 3e8, 3e8, 1e8, 5e5, 5e5) for name in "ab"]
+    mesh = hb.gears.Mesh.of("a", "b", pair, "100 N m", 0.04, mesh="secant")
+    return hb.gears.Train(wheels, [mesh], bearings=bearings, balance="b")
+
+
+@pytest.mark.parametrize("ring", [False, True])
+@pytest.mark.parametrize("helix", [0.0, 25.0, -25.0])
+def test_forces_of_a_mesh_in_space_are_in_equilibrium(helix, ring):
+    """Forces and moments about the centre of the first wheel, whose sum a pair of equal and opposite forces on one line
+    does not have."""
+    place, z = 0.8, 90 if ring else 40
+    gears = [hb.gears.Gear(n, "3 mm", "20 mm", helix_angle=radians(h), internal=ring and n == z)
+             for n, h in ((25, helix), (z, helix if ring else -helix))]  # fmt: skip
+    pair = hb.GearPair(*gears, backlash="80 um")
+    w = in_space(pair, place).mesh_vectors().reshape(2, 6)
+    to_wheel = pair.working_center_distance * np.array([cos(place), sin(place), 0.0])
+    np.testing.assert_allclose(w[0, :3], -w[1, :3], rtol=0, atol=1e-15)
+    moment = w[0, 3:] + w[1, 3:] + np.cross(to_wheel, w[1, :3])
+    np.testing.assert_allclose(moment, 0.0, rtol=0, atol=1e-12 * pair.working_center_distance)
+
+
+@pytest.mark.parametrize(("helix", "place"), [(15.0, 0.0), (-25.0, 0.8)])
+def test_a_helical_train_in_space_has_the_natural_frequencies_of_the_pair(helix, place):
+    """`HelicalPair` measures along the line of action in the transverse plane, a train normal to the flanks."""
+    gears = [hb.gears.Gear(z, "3 mm", "20 mm", helix_angle=radians(h)) for z, h in ((25, helix), (40, -helix))]
+    pair = hb.GearPair(*gears, backlash="80 um")
+    supports = (hb.gears.Support("3e8 N/m", axial="1e8 N/m", tilt="5e5 N m/rad"),) * 2
+    one = pair.model("100 N m", 0.04, "spatial", supports=supports, mesh="secant").replace(phi_deg=np.degrees(place))
+    frequencies = []
+    for model in (one, in_space(pair, place)):
+        system, frequency = model.system(), model.scales.frequency
+        gap = system.elements[0]
+        K = system.K + gap.law.stiffness.mean * np.outer(gap.direction, gap.direction)
+        squares = np.linalg.eigvals(np.linalg.solve(system.M, K)).real
+        frequencies.append(frequency * np.sqrt(np.sort(squares)[1:]))
+    np.testing.assert_allclose(*frequencies, rtol=1e-9)

@@ -5,9 +5,11 @@
     w_j on wheel j:   minus the same with r_g
     c_b = cos(beta), s_b = sin(beta), h_L = +1, h_R = -1, psi = alpha_t - phi
 
-Every mesh term follows from w_j, so that the mesh conserves energy without damping. f is the backlash function with
-half-gap b = b_c (1 + W), k(tau) = 1 - sum_l eps_l cos(l tau), e(tau) = e_sign b_c sum_l e_l sin(l (tau - e_phase)),
-tau = Omega_mesh t. Stiffness and error of the right half lag the left half by the phase ``stagger``.
+Every mesh term follows from w_j, so that the mesh conserves energy without damping. As published, the axial forces act
+where the line of action touches the base circles of both gears; in a `Train` they act at the pitch point. f is the
+backlash function with half-gap b = b_c (1 + W), k(tau) = 1 - sum_l eps_l cos(l tau), e(tau) = e_sign b_c sum_l e_l
+sin(l (tau - e_phase)), tau = Omega_mesh t. Stiffness and error of the right half lag the left half by the phase
+``stagger``.
 
 Each node has x (along the centre line if phi = 0), y, z (along the shaft), and the rotations theta_x, theta_y, theta
 about these axes. Uncoupled supports to ground act on all coordinates except theta. The two nodes of a shaft are joined

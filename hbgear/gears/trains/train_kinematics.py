@@ -345,17 +345,15 @@ def phase_mismatch(wheels: Mapping[str, Wheel], meshes: Sequence[Mesh], motion: 
 def line_of_action(mesh: Mesh, side: int, angles: tuple[float, float], outer: Wheel, inner: Wheel) -> np.ndarray:
     """Return the direction (2, 6) of the gap of a mesh in the coordinates of both wheels, the outer one first.
 
-        n = (sin alpha, side cos alpha) rotated by phi,   m_x n_y - m_y n_x = side
-        w_a = [c n, s, s r_a m_y, -s r_a m_x, side c r_a],   w_b = the negative with its arm,   s = -side sin beta_b
+        w_a = (n, r_a e x n),   w_b = -(n, -r_b e x n),   e = (cos phi, sin phi, 0) / cos alpha
+        n = (c sin(alpha), side c cos(alpha), s) rotated by phi about z,   c = cos beta_b,   s = -side sin beta_b
 
-    The arms are r_a m of the outer wheel and -r_b m of the inner wheel, or r_b m of a ring.
+    Both forces act at the pitch point, so that they are in equilibrium: in equal and opposite directions on one line.
+    The arm of a ring is +r_b e.
     """
     alpha, phi = angles
     c, s = cos(mesh.helix_angle), -side * sin(mesh.helix_angle)
-    along, transverse = sin(alpha), side * cos(alpha)
-    n = np.array([cos(phi) * along - sin(phi) * transverse, sin(phi) * along + cos(phi) * transverse])
-    m = side * np.array([n[1], -n[0]])
-    directions = []
-    for sign, arm in ((1.0, outer.base_radius), (-1.0, inner.base_radius if inner.internal else -inner.base_radius)):
-        directions.append(sign * np.array([c * n[0], c * n[1], s, s * arm * m[1], -s * arm * m[0], side * c * arm]))
-    return np.array(directions)
+    turn = np.array([[cos(phi), -sin(phi), 0.0], [sin(phi), cos(phi), 0.0], [0.0, 0.0, 1.0]])
+    n, e = turn @ [c * sin(alpha), side * c * cos(alpha), s], turn @ [1 / cos(alpha), 0.0, 0.0]
+    arms = outer.base_radius * e, (1 if inner.internal else -1) * inner.base_radius * e
+    return np.array([sign * np.concatenate([n, np.cross(arm, n)]) for sign, arm in zip((1.0, -1.0), arms, strict=True)])
