@@ -16,6 +16,14 @@ TURN = 2 * np.pi
 ZETA, LOAD, OMEGA = 0.05, 0.4, 0.6
 
 
+def middle_passes(pair: hb.GearPair, which: int) -> float:
+    """Return the time [mesh periods] at which the middle of tooth 0 is on the line of centres of spur gears without
+    profile shift, whose teeth are half a pitch thick: the flanks touch at the pitch point a quarter of a pitch from it.
+    """
+    pitch_point = (pair.base_radii[0] * tan(pair.working_pressure_angle) - pair.path[0]) / pair.base_pitch
+    return pitch_point + (0.25 if which == 0 else -0.25)
+
+
 def amplitudes(flanks: list[Flank], meshes: int, harmonics: int) -> np.ndarray:
     """Return the complex amplitudes x_m exp(i m tau), m >= 0, of a pair whose teeth stay in contact."""
     pair = hb.SpurPair(ZETA, LOAD, e=(), contacts=mesh_contacts(flanks, meshes), mesh_order=meshes, b=0.0)
@@ -85,7 +93,7 @@ def test_gaps_of_an_eccentric_gear():
         pair = hb.GearPair(*(gears[i] if i == which else plain[i] for i in (0, 1)), backlash="80 um")
         a, R, alpha = pair.working_center_distance, sum(pair.base_radii), pair.working_pressure_angle
         for t in (0.0, 3.3, 11.0):
-            psi = TURN * t / gears[which].teeth + phase
+            psi = TURN * (t - middle_passes(pair, which)) / gears[which].teeth + phase
             closer, along = e * cos(psi), e * sin(psi)  # along: in the direction of the velocity of the pitch point
             moved = (a - closer, -along if which == 0 else along)
             rotated, angle = atan2(moved[1], moved[0]), acos(R / hypot(*moved))
@@ -96,8 +104,9 @@ def test_gaps_of_an_eccentric_gear():
                 assert found == pytest.approx(common + side * R * rotated, abs=5e-9)
     ring = hb.gears.Gear(70, "3 mm", "20 mm", internal=True, runout=2 * e)
     pair = hb.GearPair(plain[0], ring, backlash="80 um")
-    alpha = pair.working_pressure_angle
-    for t, exact in ((0.0, (e * sin(alpha), e * sin(alpha))), (17.5, (e * cos(alpha), -e * cos(alpha)))):
+    alpha, begin = pair.working_pressure_angle, middle_passes(pair, 1)
+    for turned, exact in ((0.0, (e * sin(alpha), e * sin(alpha))), (17.5, (e * cos(alpha), -e * cos(alpha)))):
+        t = begin + turned
         found = [w.amplitude * sin(TURN * t / w.meshes + w.phase) for s in (1, -1) for w in gap_waves(pair, s)]
         np.testing.assert_allclose(found, exact, atol=1e-12)  # the ring moves off the pinion, then along its rotation
 
@@ -117,17 +126,20 @@ def test_gaps_of_displaced_teeth():
 
 @pytest.mark.parametrize("which", [0, 1])
 def test_pitch_errors_of_an_eccentric_gear_are_its_run_out(which):
-    """The eccentricity moves the tooth at the pitch point along the pitch circle by e sin(psi): the mean of the gaps
-    that run-out gives the driving and, negative, the back flanks is that of these pitch errors."""
+    """The eccentricity moves the tooth at the pitch point along the pitch circle by e sin(psi): when its middle is
+    there, the mean of the gaps that run-out gives the driving and, negative, the back flanks is that of these pitch
+    errors."""
     e, teeth = 10e-6, (25, 40)
     z = teeth[which]
     arcs = -e * np.sin(TURN * np.arange(z) / z)  # positive for a tooth that lags behind
     gears = [[hb.gears.Gear(n, "3 mm", "20 mm", **(given if i == which else {})) for i, n in enumerate(teeth)]
              for given in ({"runout": 2 * e}, {"pitch_errors": arcs})]  # fmt: skip
-    drive, back = (gap_waves(hb.GearPair(*gears[0], backlash="80 um"), side)[0] for side in (1, -1))
+    pair = hb.GearPair(*gears[0], backlash="80 um")
+    drive, back = (gap_waves(pair, side)[0] for side in (1, -1))
     found = pair_gaps(hb.GearPair(*gears[1], backlash="80 um"), 1, z)
-    mean = [sum(side * w.amplitude * sin(TURN * p / w.meshes + w.phase) for side, w in ((1, drive), (-1, back))) / 2
-            for p in range(z)]  # fmt: skip
+    times = middle_passes(pair, which) + np.arange(z)
+    mean = [sum(side * w.amplitude * sin(TURN * t / w.meshes + w.phase) for side, w in ((1, drive), (-1, back))) / 2
+            for t in times]  # fmt: skip
     np.testing.assert_allclose([found.get(p, 0.0) for p in range(z)], mean, rtol=0, atol=1e-12)
 
 
@@ -145,6 +157,7 @@ def test_motion_of_a_drawing_closes_under_integration():
     X = problem.start(Omega=Omega)
     assert problem.regime(X, Omega=Omega).tolist() == [1]
     b, k_0, alpha = pair.half_backlash, mesh.stiffness, pair.working_pressure_angle
+    phase = 0.5 - TURN * middle_passes(pair, 0) / 18
 
     def right(tau, state):
         t, force = tau / TURN * 18, 0.0
@@ -154,7 +167,7 @@ def test_motion_of_a_drawing_closes_under_integration():
                 u = t - p
                 if begin < u < length:
                     gap = float(flank.gap.at(np.array(u))) + side * f[p % 18] * cos(pinion.transverse_pressure_angle)
-                    gap -= side * 8e-6 * sin(TURN * t / 18 + 0.5 + side * alpha)
+                    gap -= side * 8e-6 * sin(TURN * t / 18 + phase + side * alpha)
                     closed = side * state[0] - 1 - gap / b
                     force += side * float(flank.stiffness.at(np.array(u))) / k_0 * max(closed, 0.0)
         return [state[1], (model.F_m - force) / Omega**2 - 2 * model.zeta / Omega * state[1]]
@@ -249,6 +262,35 @@ def test_a_tooth_of_an_idler_is_the_same_in_both_meshes(place):
                 touches |= np.abs(moved) > 1e-9
                 np.testing.assert_allclose(moved[np.abs(moved) > 1e-9], side * 6e-6 * cos(pi / 9), rtol=1e-6)
         np.testing.assert_array_equal(touches, (t - at) % 30 < pair.contact_ratio)
+
+
+@pytest.mark.parametrize("place", [0.0, 1.0, -2.0])
+@pytest.mark.parametrize("helix", [0.0, 0.3])
+def test_the_eccentricity_of_an_idler_is_the_same_in_both_meshes(place, helix):
+    """Its centre is displaced by e in a direction that turns with it: the gaps of both meshes, whose flanks are a tooth
+    apart and whose faces differ, are the components of one vector along their lines of action."""
+    widths = "20 mm", "30 mm", "30 mm"
+    gears = [hb.gears.Gear(z, "3 mm", width, helix_angle=h, profile_shift=x, runout=e)
+             for z, width, h, x, e in zip((25, 30, 40), widths, (helix, -helix, helix), (0.1, 0.3, 0.2),
+                                          (0.0, 10e-6, 0.0), strict=True)]  # fmt: skip
+    pairs = hb.GearPair(*gears[:2], "80 um"), hb.GearPair(*gears[1:], "80 um")
+    first, second = (pair.working_center_distance for pair in pairs)
+    at = (0.0, 0.0), (first, 0.0), (first + second * cos(place), second * sin(place))
+    wheels = [hb.gears.Wheel.of(name, gear, x=x, y=y, torque=100.0 * (name == "in"), moves="plane")
+              for name, gear, (x, y) in zip(("in", "idler", "out"), gears, at, strict=True)]  # fmt: skip
+    meshes = [hb.gears.Mesh.of("in", "idler", pairs[0], 100.0), hb.gears.Mesh.of("idler", "out", pairs[1], 120.0)]
+    train = hb.gears.Train(wheels, meshes, balance="out")
+    tau, angles = TURN * (np.arange(3000) + 0.5) / 3000, []
+    for element, w in zip(train.system().elements, train.mesh_vectors().T, strict=True):
+        contact = next(contact for contact in element.law.contacts if contact.side > 0)
+        closed = contact.stiffness(tau) > 0
+        columns = np.column_stack([np.exp(1j * tau), np.exp(-1j * tau), np.ones(3000)])[closed]
+        wave = np.linalg.lstsq(columns, contact.level(tau[closed]) * train.b_c, rcond=None)[0]
+        n = w[3] + 1j * w[4]  # the gap opens by -Re(conj(n) e exp(i (angle - tau))), the idler turns clockwise
+        eccentricity = -2 * wave[1] / np.conj(n)
+        assert abs(eccentricity) == pytest.approx(5e-6, rel=1e-4)
+        angles.append(np.angle(eccentricity))
+    assert np.exp(1j * (angles[1] - angles[0])) == pytest.approx(1.0, abs=1e-4)
 
 
 def test_run_out_in_files(tmp_path):

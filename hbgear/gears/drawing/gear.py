@@ -100,8 +100,8 @@ class Gear:  # numpydoc ignore=PR02
     crowning : float or str, default 0.0
         Material removed at both ends of the face width [m], with a parabola in between.
     runout, runout_phase : float or str, default 0.0
-        Radial run-out F_r of the teeth [m], twice their eccentricity, and the angle of the eccentricity from the
-        direction to the other gear [rad], in the direction of rotation, when tooth 0 enters contact.
+        Radial run-out F_r of the teeth [m], twice their eccentricity, and the angle of the eccentricity from the middle
+        of tooth 0 [rad], in the direction of rotation.
     pitch_errors : sequence of float or str, optional
         Error of the position of every tooth [m], an arc of the reference circle, positive for a tooth that lags behind
         in the direction of rotation: the sums of the single pitch deviations f_pt of ISO 1328-1. Tooth 0 is in contact

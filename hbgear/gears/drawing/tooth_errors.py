@@ -1,13 +1,15 @@
 """Errors of single teeth: pitch errors and run-out, which vary with the orders of the shafts.
 
     gap_p = (f_1[p mod z_1] - f_2[p mod z_2]) cos(alpha_t)                             on the driving flank of pair p
-    gap(tau) = -e_1 sin(psi_1 + alpha_wt) + e_2 sin(psi_2 - alpha_wt),   psi_i = tau / z_i + phase_i,   e_i = F_ri / 2
+    gap(tau) = -e_1 sin(psi_1 + alpha_wt) + e_2 sin(psi_2 - alpha_wt),   e_i = F_ri / 2
+    psi_i = (tau - 2 pi u_i) / z_i + phase_i,   u_1 = u_P + thickness_1 / 2,   u_2 = u_P - thickness_2 / 2
 
 Pair p enters contact at tau = 2 pi p. A displaced tooth has the negative gap on its back flank. f is an arc of the
 reference circle, positive for a tooth that lags behind: a tooth of the pinion moves off its mate, a tooth of the wheel
-towards it. An eccentricity e at the angle psi from the direction to the
-other gear, in the direction of rotation, moves all teeth at once: their gap changes along the line of action of the
-flank. The back flanks have the opposite line of action,
+towards it. An eccentricity e at the angle psi from the direction to the other gear, in the direction of rotation, moves
+all teeth at once: their gap changes along the line of action of the flank. ``phase_i`` is its angle from the middle of
+tooth 0, which passes the direction to the other gear at u_i mesh periods: half a tooth after the pitch point u_P for
+the pinion, before it for the wheel. The back flanks have the opposite line of action,
 
     gap_back(tau) = e_1 sin(psi_1 - alpha_wt) - e_2 sin(psi_2 + alpha_wt)
 
@@ -92,8 +94,10 @@ def pair_gaps(pair: GearPair, side: int, meshes: int) -> dict[int, float]:
 def gap_waves(pair: GearPair, side: int) -> tuple[GapWave, ...]:
     """Return the gap of the driving (side +1) or back flanks by the run-out of each gear."""
     alpha, waves = pair.working_pressure_angle, []
-    for gear, sign, turn in ((pair.pinion, -1, 1), (pair.wheel, 1, -pair.wheel.sign)):
+    gears = zip((pair.pinion, pair.wheel), (-1, 1), (1, -pair.wheel.sign), pair.thickness, strict=True)
+    for gear, sign, turn, thickness in gears:
         if gear.runout:
-            phase = gear.runout_phase + side * turn * alpha + (pi if sign * side < 0 else 0.0)
-            waves.append(GapWave(gear.runout / 2, gear.teeth, phase))
+            middle = pair.pitch_position - sign * thickness / 2
+            phase = gear.runout_phase - 2 * pi * middle / gear.teeth + side * turn * alpha
+            waves.append(GapWave(gear.runout / 2, gear.teeth, phase + (pi if sign * side < 0 else 0.0)))
     return tuple(waves)
