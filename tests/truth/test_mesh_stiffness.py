@@ -1,5 +1,6 @@
 """Mesh stiffness and transmission error against ISO 6336, published numbers, and the contact solved another way."""
 
+from itertools import pairwise
 from math import cos, log, pi, radians, sqrt
 
 import numpy as np
@@ -197,6 +198,17 @@ def test_crowning_adds_its_mean_over_the_face_to_the_displacement():
         *(hb.gears.Gear(z, "3 mm", "20 mm", crowning=c) for z, c in ((25, 8e-6), (40, 3e-6)))))  # fmt: skip
     one, other = (p.mesh(3e4, slices=12, phases=16).static_error.value for p in (plain, crowned))
     np.testing.assert_allclose(other - one, 11e-6 / 3 * (1 + 2 / 144), rtol=0.02)
+
+
+def test_crowning_of_a_wider_gear_is_a_parabola_over_its_own_width():
+    """Slices of the common width of 20 mm lie in the middle of the wheel: the gap is C (2 z / 50 mm)^2, linear along a
+    slice."""
+    gears = hb.gears.Gear(25, "3 mm", "20 mm"), hb.gears.Gear(40, "3 mm", "50 mm", crowning="25 um")
+    flanks = hb.gears.tooth_mesh(hb.GearPair(*gears, "80 um"), 100.0, slices=4).flanks
+    gaps = [25e-6 * (2 * z / 50e-3) ** 2 for z in (-10e-3, -5e-3, 0.0, 5e-3, 10e-3)]
+    expected = [(a + b) / 2 for a, b in pairwise(gaps)][:2]  # opposite slices are one contact
+    found = [float(flank.gap.at(np.array(0.5))) for flank in flanks if flank.side > 0]
+    np.testing.assert_allclose(found, expected, rtol=1e-9)
 
 
 def test_error_without_load_of_a_pair_with_a_pitch_error():

@@ -98,7 +98,7 @@ class Gear:  # numpydoc ignore=PR02
         Length of the tip relief along the line of action [m]. By default it ends where the number of pairs in contact
         decreases: for usual gears, at the highest point of single tooth contact.
     crowning : float or str, default 0.0
-        Material removed at both ends of the face width [m], with a parabola in between.
+        Material removed at both ends of the face width of this gear [m], with a parabola in between.
     runout, runout_phase : float or str, default 0.0
         Radial run-out F_r of the teeth [m], twice their eccentricity, and the angle of the eccentricity from the middle
         of tooth 0 [rad], in the direction of rotation.

@@ -204,13 +204,13 @@ def _teeth_over_path(pair: GearPair) -> tuple[Array, Array, tuple[Array, Array]]
 def _gaps(pair: GearPair, s: Array, z: Array) -> Array:
     """Return the material missing at positions along the line of action and across the face [m].
 
-    ``s`` is measured from the base circle of the pinion [m]; ``z`` is the position across the face over the face
-    width, -1/2 to 1/2.
+    ``s`` is measured from the base circle of the pinion [m]; ``z`` is the position across the face over the common face
+    width, -1/2 to 1/2. The middles of both gears are at the same position.
     """
     begin, end = pair.path
     gap = pair.pitch_error * (s - (begin + end) / 2) / pair.base_pitch + pair.tilt(z)
     for gear, from_tip in ((pair.pinion, end - s), (pair.wheel, s - begin)):
-        gap = gap + gear.crowning * (2 * z) ** 2
+        gap = gap + gear.crowning * (2 * z * pair.face_width / gear.face_width) ** 2
         if gear.tip_relief:
             length = relief_length(pair, gear)
             gap = gap + gear.tip_relief * np.maximum(1 - from_tip / length, 0.0)
