@@ -140,6 +140,18 @@ def test_motion_in_the_gap_is_arbitrary_in_its_mean_only(e):
     np.testing.assert_allclose(curve.amplitude("mean"), 0, atol=1e-12)
 
 
+def test_motion_that_touches_the_edge_of_its_gap_within_the_tolerance_is_arbitrary():
+    """Newton's method ends within the tolerance, in contact, with a force that no torque balances. The motion is that
+    of the test above; a curve along the edge of the gap would have grazing and branch points by rounding."""
+    model = hb.SpurPair(zeta=0.03, F_m=0.0, e=(0.6,), eps=(0.1,))
+    problem = hb.HarmonicBalance(model, 30)
+    assert problem.regime(problem.start(Omega=2.2), Omega=2.2).tolist() == [1]
+    curve = hb.trace(problem, "Omega", (2.2, 0.3))
+    assert curve.status is hb.Status.ARBITRARY and not curve.special
+    np.testing.assert_allclose(curve.amplitude("H1"), 0.6 * curve.values / np.hypot(curve.values, 0.06), rtol=1e-9)
+    np.testing.assert_allclose(curve.amplitude("mean"), 0, atol=1e-12)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("span", [(3.0, 0.05), (0.05, 3.0)])
 def test_without_torque_the_span_is_covered(span):

@@ -32,19 +32,40 @@ MAX_RELATIVE_MEAN_STIFFNESS = 1e-9
 """Change of the balance with a mean, relative to the reference stiffness, that is attributed to rounding."""
 
 
+MAX_RELATIVE_RESIDUAL = 1e-9
+"""Residual of a motion without contact, relative to the reference stiffness times its size, that is attributed to the
+contact of a computed motion which touches the edge of its gap."""
+
+
 def pins_of(problem: Any, X: Array, parameters: Mapping[str, float]) -> Pins | None:
-    """Return the springs for a motion X (n,) of a `HarmonicBalance` in an arbitrary position, else None."""
+    """Return the springs for a motion X (n,) of a `HarmonicBalance` in an arbitrary position, else None.
+
+    A computed motion may touch the edge of its gap by less than the tolerance of the residual: it is in an arbitrary
+    position if it is a motion in the middle of the gap too.
+    """
     compiled = problem.compiled(dict(parameters))
     kr = float(compiled.structure.kr.max(initial=0.0))
     if not kr or problem.subharmonic_part(X).any():
         return None
+    centre = np.array([_middle(law.breakpoints, row) for law, row in zip(compiled.laws, problem.rows(X), strict=True)])
+    free = _free_means(problem, X, parameters, kr)
+    if not free.size:
+        middle = X.copy()
+        middle[problem.means] = centre
+        free = _free_means(problem, middle, parameters, kr)
+        middle[problem.means] = X[problem.means] + free @ (free.T @ (centre - X[problem.means]))
+        residual = np.abs(problem.evaluate(middle, **parameters)[0]).max()
+        if residual > MAX_RELATIVE_RESIDUAL * kr * np.abs(X).max():
+            return None
+    return Pins(kr * free @ free.T, centre) if free.size else None
+
+
+def _free_means(problem: Any, X: Array, parameters: Mapping[str, float], kr: float) -> Array:
+    """Return the directions (m, f) of the means of the elements on which the balance does not depend at X."""
     J = problem.evaluate(X, **parameters)[1]
     _, s, vt = np.linalg.svd(J[:, problem.means], full_matrices=False)
-    N = vt[s <= MAX_RELATIVE_MEAN_STIFFNESS * kr].T
-    if not N.size:
-        return None
-    centre = np.array([_middle(law.breakpoints, row) for law, row in zip(compiled.laws, problem.rows(X), strict=True)])
-    return Pins(kr * N @ N.T, centre)
+    out: Array = vt[s <= MAX_RELATIVE_MEAN_STIFFNESS * kr].T
+    return out
 
 
 def _middle(breakpoints: tuple[float, ...], row: Array) -> float:
