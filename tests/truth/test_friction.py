@@ -129,6 +129,22 @@ def test_order_of_convergence():
     assert 3.0 < order < 5.0
 
 
+@pytest.mark.slow
+def test_coulomb_friction_is_rigid_to_the_root_of_its_flexibility():
+    """x'' + x + limit sign(x') = cos(w t) by Den Hartog (1931), x_0^2 = V^2 - (limit U)^2: the force of a spring k
+    changes its sign in a time proportional to k^-1/2, so that four times the stiffness halves the difference."""
+    w, limit = 1.4, 0.6
+    V, U = 1 / (1 - w**2), np.sin(np.pi / w) / (w * (1 + np.cos(np.pi / w)))
+    differences = []
+    for k, H in ((250.0, 60), (1000.0, 100)):
+        damper = hb.Element([1.0], hb.mechanics.Coulomb(limit, k))
+        model = hb.System([[1.0]], [[0.0]], [[1.0]], [damper], hb.Load(cosine={1: [1.0]}))
+        largest = hb.trace(hb.HarmonicBalance(model, H), "Omega", (w, w + 1e-3))[0].amplitude("max")
+        differences.append(float(largest) / np.sqrt(V**2 - (limit * U) ** 2) - 1)
+    assert differences[0] == pytest.approx(2 * differences[1], rel=0.05)
+    assert 0.08 < differences[1] < 0.1
+
+
 def test_shooting_is_event_exact():
     q, v, z = -0.4274815078679192, 0.38103590920764163, -0.4288796621625097
     orbit = hb.time.shoot(oscillator(ONE, 0.2), 1.2, [q + 1e-3, v - 1e-3])

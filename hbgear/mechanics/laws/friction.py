@@ -186,8 +186,10 @@ def Coulomb(limit: float, k: float, residual: float = 0.0) -> Jenkins:
     limit : float
         Friction limit, > 0 [force].
     k : float
-        Stiffness of the contact while it sticks, > 0 [force / length]. The displacement differs from that of a rigid
-        contact by at most limit / k.
+        Stiffness of the contact while it sticks, > 0 [force / length]. The force changes its sign over a displacement
+        of 2 limit / k, which takes a time of 2 (limit / (k a))^1/2 at a turning point with the acceleration a. The
+        motion differs from that of a rigid contact in proportion to this time: at limit / k = 1e-3 of the amplitude by
+        up to 10 %, and half as much with four times the stiffness.
     residual : float, optional
         Position of the slider before the motion [length], see `Jenkins`. Default 0.
 
