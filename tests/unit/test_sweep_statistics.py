@@ -42,6 +42,36 @@ def test_chances_and_quantiles(found):
         np.testing.assert_allclose(quantiles, expected, rtol=1e-2)  # the curves are interpolated between other points
 
 
+def test_amplitudes_between_points_are_those_of_a_linear_oscillator():
+    """Its amplitude is F / |1 - Omega^2 + 2 i zeta Omega|; linear interpolation has an error of .4 %."""
+    with ThreadPoolExecutor(1) as here:
+        vary = hb.design.grid(F=[0.2])
+        linear = hb.design.cases(hb.Duffing(k3=0.0), vary, ("jumps", "curve"), harmonics=1, span=(0.5, 1.5),
+                                 executor=here)  # fmt: skip
+    Omega = np.linspace(0.5, 1.5, 1001)
+    statistics = hb.design.sweep_statistics(linear, Omega, (0.5,))
+    expected = 0.2 / np.abs(1 - Omega**2 + 2j * 0.05 * Omega)
+    np.testing.assert_allclose(statistics.rising[0], expected, rtol=1e-4)
+    np.testing.assert_allclose(statistics.falling[0], expected, rtol=1e-4)
+
+
+def test_amplitudes_next_to_a_fold_are_those_of_the_harmonic_balance():
+    """With one harmonic (1 - Omega^2 + 3/4 A^2)^2 A^2 + (2 zeta Omega A)^2 = F^2, a cubic in A^2."""
+    F, zeta, k3 = 0.2, 0.05, hb.Duffing().k3
+    with ThreadPoolExecutor(1) as here:
+        hard = hb.design.cases(hb.Duffing(), hb.design.grid(F=[F]), ("jumps", "curve"), harmonics=1, span=(0.8, 1.5),
+                               executor=here)  # fmt: skip
+    ends = {int(direction): end for _, end, direction, *_ in hard.jumps}
+    for direction, name, choose in ((1, "rising", max), (-1, "falling", min)):
+        Omega = ends[direction] - direction * np.array([0.1, 1e-2, 1e-3, 1e-4, 1e-5])[::direction]
+        found = getattr(hb.design.sweep_statistics(hard, Omega, (0.5,)), name)[0]
+        for w, A in zip(Omega.tolist(), found.tolist(), strict=True):
+            d = 1 - w**2
+            cubic = [(0.75 * k3) ** 2, 1.5 * k3 * d, d**2 + (2 * zeta * w) ** 2, -(F**2)]
+            roots = np.roots(cubic)
+            assert choose(np.sqrt(roots[np.abs(roots.imag) < 1e-9].real)) == pytest.approx(A, rel=1e-4)
+
+
 def test_invalid_statistics_are_refused(found):
     with pytest.raises(ValueError, match="must be between 0 and 1"):
         hb.design.sweep_statistics(found, quantiles=(2.0,))

@@ -4,12 +4,14 @@
     jumps (J, 5): as in `Cases`
 
 If a segment ends without a jump, for example at a period doubling, the response is nan until the next stable segment.
+Between its points a segment is a cubic spline of Omega and amplitude over the length along it, on which the amplitude
+next to a fold is as smooth as elsewhere: its error is of fourth order in the distance of the points.
 """
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -164,13 +166,54 @@ def sweep_responses(found: Cases, Omega: Array, direction: int) -> SweepResponse
     rows = np.broadcast_to(Omega, (len(found.curves), np.shape(Omega)[-1]))
     for (case, curve), frequencies in zip(found.curves.items(), rows, strict=True):
         jumps = found.jumps[(found.jumps[:, 0] == case) & (found.jumps[:, 2] == direction)][:, [1, 3, 4]]
-        responses.append(sweep_response(curve, jumps if has_jumps else None, frequencies, direction))
+        known_jumps = jumps if has_jumps else None
+        responses.append(sweep_response(curve, known_jumps, frequencies, direction, amplitudes_at))
     if not any(np.isfinite(amplitude).any() for amplitude, _ in responses):
         raise ValueError("there are no curves with stable motions; compute them: compute=('curve',)")
     return SweepResponses(*(np.array(column) for column in zip(*responses, strict=True)))
 
 
-def sweep_response(curve: Array, jumps: Array | None, Omega: Array, direction: int) -> tuple[Array, Array]:
+Interpolation = Callable[[Array, Array, Array], Array]
+"""Function of some values of Omega, and of Omega, ascending, and amplitude at the points of a segment."""
+
+
+def amplitudes_at(Omega: Array, x: Array, y: Array) -> Array:
+    """Return the amplitudes (Q,) at values of Omega (Q,) on a segment, by cubic splines over the length along it.
+
+    Parameters
+    ----------
+    Omega : ndarray, shape (Q,)
+        Values from the first to the last one of the segment.
+    x, y : ndarray, shape (P,)
+        Omega, ascending, and amplitude of the points of the segment.
+    """
+    from scipy.interpolate import CubicSpline
+
+    steps = np.hypot(*(np.diff(z) / (np.ptp(z) or 1.0) for z in (x, y)))
+    distinct = np.append(True, steps > _COINCIDENCE)
+    x, y, s = x[distinct], y[distinct], np.append(0.0, np.cumsum(steps))[distinct]
+    if len(x) < 2:
+        return np.full(len(Omega), y[0])
+    x_of_s, k = CubicSpline(s, x), np.clip(np.searchsorted(x, Omega) - 1, 0, len(x) - 2)
+    low, high = s[k], s[k + 1]
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (low + high)
+        below = x_of_s(middle) < Omega
+        low, high = np.where(below, middle, low), np.where(below, high, middle)
+    amplitudes: Array = CubicSpline(s, y)(high)
+    return amplitudes
+
+
+_COINCIDENCE = 1e-9
+"""Distance of two points of a segment, relative to its ranges, below which they are one."""
+
+_BISECTIONS = 45
+"""Bisections of the length between two points [-]: the position is then known to rounding."""
+
+
+def sweep_response(
+    curve: Array, jumps: Array | None, Omega: Array, direction: int, interpolate: Interpolation = np.interp
+) -> tuple[Array, Array]:
     """Return amplitudes and numbers of jumps up to each of the ascending values of Omega.
 
     Parameters
@@ -184,6 +227,8 @@ def sweep_response(curve: Array, jumps: Array | None, Omega: Array, direction: i
         Ascending values.
     direction : {1, -1}
         Direction of the sweep.
+    interpolate : callable, optional
+        Interpolation between the points of a segment; linear by default.
     """
     segments = [(direction * x, y) for x, y in stable_segments(curve)]
     segments = [(x[::direction], y[::direction]) for x, y in segments]
@@ -194,7 +239,7 @@ def sweep_response(curve: Array, jumps: Array | None, Omega: Array, direction: i
     while segment is not None:
         x, y = segment
         within = (frequencies >= max(start, x[0])) & (frequencies <= x[-1])
-        amplitude[within] = np.interp(frequencies[within], x, y)
+        amplitude[within] = interpolate(frequencies[within], x, y)
         start = x[-1]
         count[frequencies > start] = jump_count
         segment, jumped = _next_segment(segments, segment, _amplitude_after(jumps, direction * start, tolerance))
