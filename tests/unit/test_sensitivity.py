@@ -214,6 +214,22 @@ def test_scatter_of_a_jump_at_a_neimark_sacker_point():
     assert one.draws[0] == pytest.approx(place.parameters["Omega"], rel=1e-7)
 
 
+@pytest.mark.slow
+def test_draws_of_a_jump_that_occurs_at_a_point_of_another_kind():
+    """Each draw is the jump of a traced curve: at the fold LP1 above zeta = 0.0507, else at the point NS1."""
+    problem = hb.HarmonicBalance(hb.gears.DoubleHelicalPair(zeta=0.05), 5)
+    curve = hb.trace(problem, "Omega", (1.0, 0.8), accuracy=None)
+    found = hb.design.jump_tolerance(curve, {"zeta": 0.003}, draws=12, unit="Omega")
+    kinds = set()
+    for i, x in enumerate(np.random.default_rng(0).normal(size=12)):
+        drawn = hb.trace(problem, "Omega", (1.0, 0.8), at={"zeta": 0.05 + 0.003 * x}, accuracy=None).jumps()
+        kinds |= {jump.label for jump in drawn if jump.direction < 0}
+        for one in found:
+            (expected,) = [jump.value for jump in drawn if jump.direction == one.direction]
+            assert one.draws[i] == pytest.approx(expected, rel=1e-5)
+    assert kinds == {"NS1", "LP1"} and [one.lost for one in found] == [0, 0]
+
+
 def test_draws_outside_the_range_of_a_parameter_are_left_out_with_a_warning():
     """They are no draws without the jump: its frequency exists for any admissible damping below the cusp."""
     curve = hb.trace(hb.HarmonicBalance(hb.Duffing(zeta=0.02), 3), "Omega", (0.8, 2.0), accuracy=None)

@@ -19,6 +19,7 @@ from hbgear.continuation.augmented.sensitivity import (
     of_solution,
     of_special,
 )
+from hbgear.continuation.problem.adapter import as_problem
 from hbgear.continuation.results.point import Point
 from hbgear.continuation.solvers.newton import NoConvergence, solve
 
@@ -55,6 +56,10 @@ class RelocatedPoint:
         changed = _changed(self._parameters, self._names, changes)
         return next((f"{name} must {x}" for name, x in self._ranges.items() if changed[name] not in x), "")
 
+    def changed(self, changes: Array) -> dict[str, float]:
+        """Return all parameters, of which some are changed."""
+        return _changed(self._parameters, self._names, changes)
+
     def at(self, changes: Array) -> float:
         """Return the value of the parameter of the branch at the point, for changes of the parameters; see `solved`."""
         return float(self.solved(changes)[0][-1])
@@ -62,6 +67,15 @@ class RelocatedPoint:
     def slopes(self, U: Array, parameters: Mapping[str, float]) -> Slopes:
         """Return the derivatives of the unknowns and of the parameter of the branch at a point of `solved`."""
         return of_special(self._equations, U, parameters, self._names)
+
+    def bounds_stable_motions(self, U: Array, parameters: Mapping[str, float]) -> bool:
+        """Return whether no multiplier is outside the unit circle at a point of `solved`, apart from its critical ones.
+
+        Otherwise the motions on both sides of the point are unstable, and no sweep reaches it.
+        """
+        X, unknown = self._equations.solution_of(U)
+        mu = as_problem(self._equations.problem).observe(X, True, **{**parameters, **unknown}).get("multipliers")
+        return mu is None or bool(np.abs(mu).max(initial=0.0) < 1 + _CRITICAL_MARGIN)
 
     def solved(self, changes: Array) -> tuple[Array, dict[str, float]]:
         """Solve for the point with changed parameters.
@@ -86,8 +100,7 @@ class RelocatedPoint:
         parameters = _changed(self._parameters, self._names, changes)
         U = self._U + changes @ self._slopes
         solution = solve(self._equations.with_borders_at(U, parameters), U, parameters).X
-        change, predicted_change = abs(solution[-1] - self._U[-1]), abs(U[-1] - self._U[-1])
-        if change > _MAX_CHANGE_RATIO * (predicted_change + 1e-3 * abs(self._U[-1])):
+        if not is_near(solution[-1], self._U[-1], U[-1] - self._U[-1]):
             raise NoConvergence("Newton ended at another point", solution, parameters, [])
         return solution, parameters
 
@@ -97,8 +110,17 @@ def _changed(parameters: Mapping[str, float], names: Sequence[str], changes: Arr
     return {**parameters, **{name: parameters[name] + float(x) for name, x in zip(names, changes, strict=True)}}
 
 
+def is_near(value: float, old: float, change: float) -> bool:
+    """Return whether a point at a value can be the one that was at an old value, with a change of first order."""
+    return abs(value - old) <= _MAX_CHANGE_RATIO * (abs(change) + 1e-3 * abs(old))
+
+
 _MAX_CHANGE_RATIO = 5.0
 """Largest change of a point over its prediction of first order; a larger one belongs to another point."""
+
+
+_CRITICAL_MARGIN = 1e-2
+"""Distance of the critical multipliers from the unit circle [-] that truncated harmonics may cause."""
 
 
 class RelocatedMotion:

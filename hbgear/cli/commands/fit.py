@@ -147,7 +147,7 @@ def scatter(
             for label, t in jumps:
                 if t.lost:
                     count = f"{t.lost} of {draws} draws"
-                    print(f"{label} is not found in {count}: the jump vanishes, or occurs at another kind of point")
+                    print(f"{label} vanishes in {count}; the deviation is that of the others")
         else:
             print("no curve of the file has jumps" if branch.others else "the curve has no jumps")
         for name, effect in zip(band.parameters, band.effects.T, strict=True):

@@ -4,8 +4,9 @@
     Monte Carlo   Omega(a + s xi),  xi independent and normal: the equations of the jump are solved for each draw
 
 The difference of the two results measures the error of the first order. If the equations have no solution near the
-jump, the draw is lost: the jump has vanished, or almost, or it occurs at a point of another kind, such as a fold
-instead of a Neimark-Sacker point.
+jump, or if the motion is unstable on both sides of it, the curve of the draw is traced: the jump may occur at a point
+of another kind, such as a fold instead of a Neimark-Sacker point. Without such draws the sample would be one-sided. The
+draw is lost if the curve has no jump there either.
 """
 
 from __future__ import annotations
@@ -13,11 +14,12 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 
-from hbgear.analysis.parameter_sensitivity.relocated_point import RelocatedPoint
+from hbgear.analysis.parameter_sensitivity.relocated_point import RelocatedPoint, is_near
 from hbgear.analysis.parameter_sensitivity.sensitivity import sensitivity
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
@@ -25,7 +27,10 @@ from hbgear.common.process.progress import Progress, ProgressCallback
 from hbgear.common.ranges import NOT_NEGATIVE, checked, counted
 from hbgear.common.text.messages import quoted
 from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.point import Jump
+from hbgear.continuation.results.termination import raise_if_interrupted
 from hbgear.continuation.solvers.newton import NoConvergence
+from hbgear.continuation.tracing.trace import trace
 from hbgear.harmonic.models.frequency_units import MESH, PINION, speeds_at
 
 
@@ -48,7 +53,7 @@ class JumpTolerance:
     draws : ndarray, shape (D,)
         Frequencies of the jump in the draws.
     lost : int
-        Number of draws without this special point: the jump has vanished, or occurs at a point of another kind.
+        Number of draws in which the jump has vanished.
     unit : str
         Unit of the frequencies: "pinion r/min", "mesh Hz", or "Omega".
 
@@ -154,6 +159,7 @@ def jump_tolerance(
         if chosen not in (branch.parameter, *([MESH, PINION] if physical else [])):
             raise ValueError(f"jump_tolerance: unit = {quoted(chosen)} is unknown for this curve; leave it out")
         slopes = derivatives.slopes[derivatives.quantities.index(chosen)]
+        slope = derivatives.slopes[derivatives.quantities.index(branch.parameter)]
         effects = dict(zip(names, (slopes * s).tolist(), strict=True))
         frequencies: list[float] = []
         lost = 0
@@ -169,18 +175,36 @@ def jump_tolerance(
             if progress is not None:
                 progress_fraction = (number + i / draws) / len(branch.jumps())
                 progress(Progress(progress_fraction, f"{jump.label}: {i} of {draws} draws"))
-            try:
-                with np.errstate(all="ignore"):  # in draws without such a point
-                    U, parameters = solver.solved(s * row)
-                p = float(U[-1])
-                speeds = (
-                    {} if chosen == branch.parameter else speeds_at(branch.problem.model, {**parameters, "Omega": p})
-                )
-                frequencies.append(speeds.get(chosen, p))
-            except (NoConvergence, ValueError, np.linalg.LinAlgError):
+            with np.errstate(all="ignore"):  # in draws without such a point
+                p, parameters = _jump_of(branch, jump, solver, dict(zip(names, s * row, strict=True)), slope)
+            if p is None:
                 lost += 1
+                continue
+            speeds = {} if chosen == branch.parameter else speeds_at(branch.problem.model, {**parameters, "Omega": p})
+            frequencies.append(speeds.get(chosen, p))
         tolerances.append(JumpTolerance(
             jump.label, jump.direction, derivatives.size(chosen), effects, float(np.linalg.norm(slopes * s)),
             np.array(frequencies), lost, chosen,
         ))  # fmt: skip
     return tuple(tolerances)
+
+
+def _jump_of(
+    branch: Branch, jump: Jump, solver: RelocatedPoint, changes: Mapping[str, float], slopes: Array
+) -> tuple[float | None, dict[str, float]]:
+    """Return the value of the parameter at a jump for changes of other parameters, None without it, and these."""
+    values = np.array(list(changes.values()))
+    parameters = solver.changed(values)
+    with suppress(NoConvergence, ValueError, np.linalg.LinAlgError):
+        U, parameters = solver.solved(values)
+        if solver.bounds_stable_motions(U, parameters):
+            return float(U[-1]), parameters
+    change = float(slopes @ values)
+    with suppress(NoConvergence, ValueError, np.linalg.LinAlgError):
+        span, at = (branch.values[0], branch.values[-1]), {name: parameters[name] for name in changes}
+        curve = raise_if_interrupted(trace(branch.problem, branch.parameter, span, at=at, accuracy=None))
+        others = [other.value for one in curve.curves for other in one.jumps() if other.direction == jump.direction]
+        nearest = min(others, key=lambda value: abs(value - jump.value - change), default=math.inf)
+        if is_near(nearest, jump.value, change):
+            return nearest, parameters
+    return None, parameters
