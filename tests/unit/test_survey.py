@@ -63,6 +63,16 @@ def test_a_closed_branch_is_found(isola):
     assert (found.values.min(), found.values.max()) == pytest.approx((4.048296, 6.813300), abs=1e-5)
 
 
+def test_the_same_curves_are_found_in_any_unit_of_length():
+    """The same oscillator with lengths in other units: k3 L^-2 and F L."""
+    found = []
+    for L in (1.0, 1e-6):
+        scaled = Duffing(zeta=0.1, k3=1.0 / L**2, F=10.0 * L)
+        curves = trace_all(HarmonicBalance(scaled, 9, nu=3), ISOLA_SPAN, frequencies=[5.0], guesses=2)
+        found.append([(len(curve), curve.status) for curve in curves])
+    assert found[0] == found[1] and len(found[0]) == 3
+
+
 def test_it_is_disconnected(isola):
     """The subharmonic part is large along the whole isola and zero along the main branch."""
     main, found, _ = isola

@@ -402,10 +402,10 @@ def _distinct(motions: list[Array]) -> list[Array]:
 
 
 def motion_size(problem: HarmonicBalance, motions: Sequence[Array]) -> float:
-    """Return the size of the largest known motion, or a tenth of the largest breakpoint."""
-    size = max([problem.solution_norm(X) for X in motions] + [1e-3])
+    """Return the size of the largest known motion, or a tenth of the largest breakpoint; 1 without motion and gap."""
+    size = max([problem.solution_norm(X) for X in motions], default=0.0)
     breakpoints = [abs(x) for xs in problem.layout.breakpoints for x in xs]
-    return max(size, 0.1 * max(breakpoints, default=0.0))
+    return max(size, 0.1 * max(breakpoints, default=0.0)) or 1.0
 
 
 def random_motions(problem: HarmonicBalance, motions: list[Array], count: int, rng: np.random.Generator) -> list[Array]:
