@@ -28,6 +28,7 @@ from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.process.progress import Progress, ProgressCallback
 from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, checked
+from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point, SpecialPoint
 from hbgear.continuation.results.termination import raise_if_interrupted
 from hbgear.continuation.solvers.newton import NoConvergence
@@ -383,10 +384,7 @@ class Search:
                 f"redesign: motions grow without bound towards Omega = {unbounded[0]:.6g}, so that {goal.measure} has "
                 "no highest peak; start from a design with bounded motions, such as one with more damping"
             )
-        tops: list[Point] = [
-            top for c in curves for top in peaks(c, goal.measure, goal.element, share=SHARE_OF_PEAKS, accuracy=None)
-        ]  # fmt: skip
-        tops += [c[i] for c in curves for i in (0, -1) if c.values[i] in self.span]
+        tops = highest_points(curves, goal, self.span)
 
         def constraint(relocated: _Relocated) -> _Constraint:
             rates = {name: -rate / goal.limit for name, rate in relocated.amplitude_slopes.items()}
@@ -442,6 +440,14 @@ class Search:
         slopes = np.array([[[rates[name] for name in self.names] for _, rates in row] for row in rows]) * self.nominal
         required = [max(GOAL_MARGIN, self.goal.margin) + reserve(row[0][1]) for row in rows]
         return Slack(np.array([[c for c, _ in row] for row in rows]), slopes, np.array(required))
+
+
+def highest_points(curves: Sequence[Branch], goal: Goal, span: tuple[float, float]) -> list[Point]:
+    """Return the located high peaks of the measure of a goal, and the points of the curves at the ends of the span."""
+    tops: list[Point] = [
+        top for curve in curves for top in peaks(curve, goal.measure, goal.element, share=SHARE_OF_PEAKS, accuracy=None)
+    ]
+    return tops + [curve[i] for curve in curves for i in (0, -1) if curve.values[i] in span]
 
 
 def _rating(slack: Slack, u: Array) -> tuple[float, float]:

@@ -38,7 +38,7 @@ from hbgear.continuation.results.status import Status
 from hbgear.continuation.results.termination import Termination, raise_if_interrupted
 from hbgear.continuation.tracing.trace import trace
 from hbgear.design.bounds import bounds_of
-from hbgear.design.goal_search import GOAL_MARGIN, WITHOUT_CHANGE, Goal, Search, Spread
+from hbgear.design.goal_search import GOAL_MARGIN, WITHOUT_CHANGE, Goal, Search, Spread, highest_points
 from hbgear.design.studies.samples import Grid, Sample
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.mechanics.models import Model
@@ -298,8 +298,10 @@ def _traced_shortfall(search: Search, u: Array, deviations: Mapping[str, float])
         curve = trace(search.balance(u, deviations), "Omega", search.span, stability=goal.kind == "no jumps")
         if goal.kind != "no jumps":
             curves = curve.curves
-            top = max(part.amplitude(goal.measure, goal.element).max() for part in curves)
-            top = math.inf if any(part.asymptotes for part in curves) else float(top)
+            if any(part.asymptotes for part in curves):
+                return curve, math.inf
+            tops = [*curves, *highest_points(curves, goal, search.span)]
+            top = max(float(np.max(part.amplitude(goal.measure, goal.element))) for part in tops)
             return curve, max(0.0, top / goal.limit - 1.0)
         jumps = _jumps(curve)
         for name, side in {(cusp.name, cusp.side) for cusp in search.cusps} if goal.margin else ():

@@ -311,6 +311,17 @@ def test_nothing_to_do():
     assert found.reached and found.changes == {"zeta": 0.0}
 
 
+def test_the_goal_is_verified_at_the_peak_between_the_points_of_the_curve():
+    """The peak of a linear oscillator is F / (2 zeta sqrt(1 - zeta^2)); its highest point is 2e-4 lower."""
+    problem = hb.HarmonicBalance(hb.Duffing(k3=0.0, F=0.02), 1)
+    limit = 0.9999 * 0.02 / (0.1 * np.sqrt(1 - 0.05**2))
+    assert hb.trace(problem, "Omega", (0.5, 1.5)).amplitude("pp2").max() < limit
+    found = hb.design.redesign(
+        problem, hb.design.peak_below(limit), ["zeta"], {"zeta": (0.04, 0.05)}, span=(0.5, 1.5)
+    )  # fmt: skip
+    assert not found.reached and found.short == pytest.approx(1e-4, rel=1e-2)
+
+
 def test_invalid_redesigns_are_refused():
     with pytest.raises(KeyError, match="no parameter 'zetta'"):
         hb.design.redesign(PAIR, hb.design.no_jumps(), ["zetta"])
