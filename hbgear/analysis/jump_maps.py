@@ -39,6 +39,7 @@ from hbgear.common.ranges import counted
 from hbgear.continuation.events.fold import TURNING_KINDS
 from hbgear.continuation.follow import trace_to_both_ends
 from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.interpolation import interpolate_along
 from hbgear.continuation.results.point import Point, SpecialPoint
 from hbgear.continuation.results.status import Status
 from hbgear.continuation.results.termination import Termination, raise_if_interrupted
@@ -69,7 +70,18 @@ class Arm:
 
     def at(self, value: float) -> float:
         """Return the jump frequency at a value of the parameter; nan outside the section."""
-        return float(np.interp(value, self.values, self.Omega, left=math.nan, right=math.nan))
+        return float(np.interp(value, *self._dense, left=math.nan, right=math.nan))
+
+    @cached_property
+    def _dense(self) -> tuple[Array, Array]:
+        """Values and frequencies at `_DENSITY` points between two points of the section, by cubic splines."""
+        count = len(self.values) - 1
+        values = np.interp(np.arange(_DENSITY * count + 1) / _DENSITY, np.arange(count + 1), self.values)
+        return values, interpolate_along(values, self.values, self.Omega)
+
+
+_DENSITY = 32
+"""Interpolated points [-] between two points of a fold curve; linear interpolation between them is exact to 1e-7."""
 
 
 @dataclass(frozen=True)

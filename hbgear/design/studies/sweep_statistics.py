@@ -20,6 +20,7 @@ import numpy as np
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.text.messages import quoted
+from hbgear.continuation.results.interpolation import interpolate_along
 from hbgear.design.studies.case_results import Cases
 
 JUMP_TOLERANCE = 0.02
@@ -167,7 +168,7 @@ def sweep_responses(found: Cases, Omega: Array, direction: int) -> SweepResponse
     for (case, curve), frequencies in zip(found.curves.items(), rows, strict=True):
         jumps = found.jumps[(found.jumps[:, 0] == case) & (found.jumps[:, 2] == direction)][:, [1, 3, 4]]
         known_jumps = jumps if has_jumps else None
-        responses.append(sweep_response(curve, known_jumps, frequencies, direction, amplitudes_at))
+        responses.append(sweep_response(curve, known_jumps, frequencies, direction, interpolate_along))
     if not any(np.isfinite(amplitude).any() for amplitude, _ in responses):
         raise ValueError("there are no curves with stable motions; compute them: compute=('curve',)")
     return SweepResponses(*(np.array(column) for column in zip(*responses, strict=True)))
@@ -175,40 +176,6 @@ def sweep_responses(found: Cases, Omega: Array, direction: int) -> SweepResponse
 
 Interpolation = Callable[[Array, Array, Array], Array]
 """Function of some values of Omega, and of Omega, ascending, and amplitude at the points of a segment."""
-
-
-def amplitudes_at(Omega: Array, x: Array, y: Array) -> Array:
-    """Return the amplitudes (Q,) at values of Omega (Q,) on a segment, by cubic splines over the length along it.
-
-    Parameters
-    ----------
-    Omega : ndarray, shape (Q,)
-        Values from the first to the last one of the segment.
-    x, y : ndarray, shape (P,)
-        Omega, ascending, and amplitude of the points of the segment.
-    """
-    from scipy.interpolate import CubicSpline
-
-    steps = np.hypot(*(np.diff(z) / (np.ptp(z) or 1.0) for z in (x, y)))
-    distinct = np.append(True, steps > _COINCIDENCE)
-    x, y, s = x[distinct], y[distinct], np.append(0.0, np.cumsum(steps))[distinct]
-    if len(x) < 2:
-        return np.full(len(Omega), y[0])
-    x_of_s, k = CubicSpline(s, x), np.clip(np.searchsorted(x, Omega) - 1, 0, len(x) - 2)
-    low, high = s[k], s[k + 1]
-    for _ in range(_BISECTIONS):
-        middle = 0.5 * (low + high)
-        below = x_of_s(middle) < Omega
-        low, high = np.where(below, middle, low), np.where(below, high, middle)
-    amplitudes: Array = CubicSpline(s, y)(high)
-    return amplitudes
-
-
-_COINCIDENCE = 1e-9
-"""Distance of two points of a segment, relative to its ranges, below which they are one."""
-
-_BISECTIONS = 45
-"""Bisections of the length between two points [-]: the position is then known to rounding."""
 
 
 def sweep_response(
