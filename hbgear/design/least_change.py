@@ -34,6 +34,7 @@ from hbgear.common.process.progress import ProgressCallback
 from hbgear.common.ranges import NOT_NEGATIVE, Range, checked
 from hbgear.common.text.messages import quoted
 from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.point import Point
 from hbgear.continuation.results.status import Status
 from hbgear.continuation.results.termination import Termination, raise_if_interrupted
 from hbgear.continuation.tracing.trace import trace
@@ -300,7 +301,7 @@ def _traced_shortfall(search: Search, u: Array, deviations: Mapping[str, float])
             curves = curve.curves
             if any(part.asymptotes for part in curves):
                 return curve, math.inf
-            tops = [*curves, *highest_points(curves, goal, search.span)]
+            tops: list[Branch | Point] = [*curves, *highest_points(curves, goal, search.span)]
             top = max(float(np.max(part.amplitude(goal.measure, goal.element))) for part in tops)
             return curve, max(0.0, top / goal.limit - 1.0)
         jumps = _jumps(curve)
