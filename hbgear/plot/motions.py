@@ -70,16 +70,19 @@ def time_history(
     >>> curve = hb.trace(problem, "Omega", (0.8, 1.6))
     >>> axes = hb.plot.time_history(curve["LP1"])
     """
-    layout, periods, d = _cycle(point, element)
     units = _units(point, element, model, dimensionless)
     with styled():
-        ax = axes_or_new(ax, (4.2, 2.8))
-        ax.plot(periods, units.length * d, color=_colour(point, element))
-        ax.set_xlim(0, layout.nu)
-        ax.set_xlabel("excitation periods")
-        ax.set_ylabel(units.displacement)
-        dress(ax)
-        _breakpoints(layout, element, d, units.length, ax.axhline, ax.set_ylim)
+        return _draw_history(axes_or_new(ax, (4.2, 2.8)), point, element, units)
+
+
+def _draw_history(ax: Axes, point: Point, element: int | str, units: _Units) -> Axes:
+    layout, periods, d = _cycle(point, element)
+    ax.plot(periods, units.length * d, color=_colour(point, element))
+    ax.set_xlim(0, layout.nu)
+    ax.set_xlabel("excitation periods")
+    ax.set_ylabel(units.displacement)
+    dress(ax)
+    _breakpoints(layout, element, d, units.length, ax.axhline, ax.set_ylim)
     return ax
 
 
@@ -120,22 +123,24 @@ def phase_diagram(
     >>> curve = hb.trace(problem, "Omega", (0.8, 1.6))
     >>> axes = hb.plot.phase_diagram(curve["LP1"])
     """
-    layout, periods, d = _cycle(point, element)
+    units = _units(point, element, model, dimensionless)
+    with styled():
+        return _draw_phase(axes_or_new(ax, (3.2, 2.8)), point, element, units)
+
+
+def _draw_phase(ax: Axes, point: Point, element: int | str, units: _Units) -> Axes:
     if "Omega" not in point.parameters:
         raise ValueError(f"a phase diagram needs Omega; the point has {', '.join(point.parameters) or 'no parameters'}")
+    layout, periods, d = _cycle(point, element)
     v = point.parameters["Omega"] / layout.nu * _cycle(point, element, order=1)[2]
-    units = _units(point, element, model, dimensionless)
-    starts = np.searchsorted(periods, np.arange(layout.nu))
-    with styled():
-        ax = axes_or_new(ax, (3.2, 2.8))
-        colour = _colour(point, element)
-        x, y = units.length * d, units.rate * v
-        ax.plot(x, y, color=colour)
-        ax.plot(x[starts], y[starts], "o", color=colour, markersize=3.5)
-        ax.set_xlabel(units.displacement)
-        ax.set_ylabel(units.velocity)
-        dress(ax)
-        _breakpoints(layout, element, d, units.length, ax.axvline, ax.set_xlim)
+    starts, colour = np.searchsorted(periods, np.arange(layout.nu)), _colour(point, element)
+    x, y = units.length * d, units.rate * v
+    ax.plot(x, y, color=colour)
+    ax.plot(x[starts], y[starts], "o", color=colour, markersize=3.5)
+    ax.set_xlabel(units.displacement)
+    ax.set_ylabel(units.velocity)
+    dress(ax)
+    _breakpoints(layout, element, d, units.length, ax.axvline, ax.set_xlim)
     return ax
 
 
@@ -188,35 +193,39 @@ def spectrum(
     >>> curve = hb.trace(problem, "Omega", (0.8, 1.6))
     >>> axes = hb.plot.spectrum(curve["LP1"])
     """
+    checked("spectrum", "floor", floor, Range(above=0, below=1))
+    units = _units(point, element, model, dimensionless)
+    with styled():
+        return _draw_spectrum(axes_or_new(ax, (4.2, 2.8)), point, element, units, log, floor)
+
+
+def _draw_spectrum(
+    ax: Axes, point: Point, element: int | str, units: _Units, log: bool = True, floor: float = FLOOR
+) -> Axes:  # fmt: skip
     from matplotlib.ticker import MaxNLocator
 
-    checked("spectrum", "floor", floor, Range(above=0, below=1))
-    row = point.coefficients(element)
-    layout = _cycle(point, element)[0]
+    row, layout = point.coefficients(element), _cycle(point, element)[0]
     order = np.arange(1, layout.harmonics + 1) / layout.nu
-    units = _units(point, element, model, dimensionless)
     height = units.length * np.hypot(row[1::2], row[2::2])
     top = float(height.max()) or 1.0
     low = top * floor if log else 0.0
     order, height = order[height >= low], height[height >= low]
-    with styled():
-        ax = axes_or_new(ax, (4.2, 2.8))
-        ax.vlines(order, low, height, color=_colour(point, element), linewidth=1.2)
-        ax.plot(order, height, "o", color=_colour(point, element), markersize=3, clip_on=False)
-        if log:
-            ax.set_yscale("log")
-            ax.set_ylim(low, 3 * top)
-            _decibels(ax, top, floor)
-        ax.set_ylim(bottom=low)
-        ax.set_xlim(0, (layout.harmonics + 1) / layout.nu)
-        ax.xaxis.set_major_locator(MaxNLocator(integer=True, steps=[1, 2, 5, 10]))
-        ax.set_xlabel("frequency / excitation frequency")
-        ax.set_ylabel(f"amplitude of {units.displacement}")
-        dress(ax)
-        mesh = units.speeds.get(MESH)
-        if mesh:
-            scaled_axes(ax, {MESH: mesh}, title="frequency [Hz]")
-        ax.tick_params(which="both", right=not log)
+    ax.vlines(order, low, height, color=_colour(point, element), linewidth=1.2)
+    ax.plot(order, height, "o", color=_colour(point, element), markersize=3, clip_on=False)
+    if log:
+        ax.set_yscale("log")
+        ax.set_ylim(low, 3 * top)
+        _decibels(ax, top, floor)
+    ax.set_ylim(bottom=low)
+    ax.set_xlim(0, (layout.harmonics + 1) / layout.nu)
+    ax.xaxis.set_major_locator(MaxNLocator(integer=True, steps=[1, 2, 5, 10]))
+    ax.set_xlabel("frequency / excitation frequency")
+    ax.set_ylabel(f"amplitude of {units.displacement}")
+    dress(ax)
+    mesh = units.speeds.get(MESH)
+    if mesh:
+        scaled_axes(ax, {MESH: mesh}, title="frequency [Hz]")
+    ax.tick_params(which="both", right=not log)
     return ax
 
 
@@ -271,13 +280,13 @@ def portrait(
     """
     with styled():
         figure = new_figure(9.6, 2.9)
-        axes = figure.subplots(1, 3)
-        time_history(point, element, axes[0], model=model, dimensionless=dimensionless)
-        phase_diagram(point, element, axes[1], model=model, dimensionless=dimensionless)
-        spectrum(point, element, axes[2], model=model, dimensionless=dimensionless)
-        speeds = _units(point, element, model, dimensionless).speeds
-        units = [f"{speeds[name]:.5g} {unit}" for name, unit in ((MESH, "Hz"), (PINION, "r/min")) if speeds]
-        figure.suptitle(", ".join([_title(point, element), *units]), fontsize=10)
+        units, axes = _units(point, element, model, dimensionless), figure.subplots(1, 3)
+        for draw, ax in zip((_draw_history, _draw_phase, _draw_spectrum), axes, strict=True):
+            draw(ax, point, element, units)
+        speeds = [
+            f"{units.speeds[name]:.5g} {unit}" for name, unit in ((MESH, "Hz"), (PINION, "r/min")) if units.speeds
+        ]
+        figure.suptitle(", ".join([_title(point, element), *speeds]), fontsize=10)
     return figure
 
 
@@ -312,7 +321,7 @@ def _colour(point: Point, element: int | str) -> str:
 def _title(point: Point, element: int | str) -> str:
     """Return a description of a point: label, Omega, stability, regime."""
     regime = regime_of(layout_of(point), point.regime, element)
-    texts = [point.label, "" if point.stability == "unknown" else point.stability]
+    texts = [point.label, "" if point.stability == "unknown" else point.stability_in_words]
     texts += [in_words(regime) if regime != "unknown" else ""]
     if "Omega" in point.parameters:
         texts.insert(1, rf"$\Omega$ = {point.parameters['Omega']:.5g}")

@@ -660,6 +660,28 @@ def test_a_figure_made_again_is_the_same_file(tmp_path, kind, monkeypatch):
     assert not any(word in files[0] for word in (b"Matplotlib v", b"CreationDate", b"matplotlib.org"))
 
 
+def test_the_title_of_a_motion_at_a_fold_states_the_limit_of_stability():
+    """There a multiplier is one up to truncation, whose sign would decide; with a second one outside it is unstable."""
+    curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.8, 1.6))
+    for label in ("LP1", "LP2"):
+        fold = curve[label]
+        assert ", at its stability limit" in plot.portrait(fold).get_suptitle()
+        assert "stable," not in repr(fold) and ", at its stability limit, " in repr(fold)
+        outside = dataclasses.replace(fold, multipliers=np.array([1.5, 1.0]))
+        assert ", unstable" in plot.portrait(outside).get_suptitle()
+    between = curve[(curve["LP1"].index + curve["LP2"].index) // 2]
+    assert ", unstable" in plot.portrait(between).get_suptitle() and ", unstable, " in repr(between)
+
+
+def test_the_units_of_a_portrait_are_derived_once(monkeypatch):
+    from hbgear.plot import motions
+
+    calls, units = [], motions._units
+    monkeypatch.setattr(motions, "_units", lambda *arguments: calls.append(arguments) or units(*arguments))
+    plot.portrait(rich_point())
+    assert len(calls) == 1
+
+
 def test_spectrum_and_portrait_in_hertz_with_the_model():
     model, point = hb.gears.DoubleHelicalPair(), rich_point()
     ax = plot.spectrum(point, model=model)

@@ -91,8 +91,8 @@ class Branch(BranchData, BranchFacade):
     'Omega = 1.6 reached'
     >>> curve.values.shape == curve.stable.shape == curve.amplitude("pp2").shape
     True
-    >>> curve.special
-    (<LP1 at Omega = 1.10338, stable, no_impact>, <LP2 at Omega = 1.10016, stable, no_impact>)
+    >>> curve.special[0]
+    <LP1 at Omega = 1.10338, at its stability limit, no_impact>
     """
 
     others: tuple[Branch, ...] = ()

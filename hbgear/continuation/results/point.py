@@ -17,7 +17,12 @@ from hbgear.common.deprecation import renamed_attributes
 from hbgear.common.ranges import counted
 from hbgear.common.text.messages import did_you_mean
 from hbgear.continuation.results.layout import LayoutProtocol, ReconstructsMotion, neutral_regime_of
-from hbgear.continuation.results.stability import stability_codes, stability_names
+from hbgear.continuation.results.stability import (
+    MAX_MULTIPLIER_DEVIATION,
+    STABILITY_CHANGING_KINDS,
+    stability_codes,
+    stability_names,
+)
 
 MAX_DERIVATIVE = 10
 """Largest order of a derivative in time. Displacement, velocity, acceleration and jerk are orders 0 to 3."""
@@ -222,8 +227,7 @@ class Point:
 
     def __repr__(self) -> str:
         position = "".join(f" at {name} = {self.parameters[name]:.6g}" for name in list(self.parameters)[-1:])
-        stability = "stability unknown" if self.stability == "unknown" else self.stability
-        return f"<{self.label or 'Point'}{position}, {stability}, {self.regime_name}>"
+        return f"<{self.label or 'Point'}{position}, {self.stability_in_words}, {self.regime_name}>"
 
     @property
     def stability(self) -> str:
@@ -236,6 +240,11 @@ class Point:
             return "unknown"
         codes = np.atleast_1d(stability_codes(self.multipliers, np.asarray(self.modulus_error)))
         return stability_names(codes, np.asarray(self.regime)[None], neutral_regime_of(self.layout))[0]
+
+    @property
+    def stability_in_words(self) -> str:
+        """The stability for readers, such as "stable" or "stability unknown"."""
+        return "stability unknown" if self.stability == "unknown" else self.stability
 
     @property
     def stable(self) -> bool | None:
@@ -384,6 +393,17 @@ class SpecialPoint(Point):
     event: Any = None
     truncation: float = math.nan
     certificate: dict[str, Any] | None = None
+
+    @property
+    def stability_in_words(self) -> str:
+        """The stability for readers; "at its stability limit" where a multiplier crosses the unit circle, none outside.
+
+        The modulus of this multiplier is one up to the error of the solution, which decides between `stable` and not.
+        """
+        if self.multipliers is None or self.kind not in STABILITY_CHANGING_KINDS:
+            return super().stability_in_words
+        deviation = abs(np.abs(self.multipliers).max(initial=0.0) - 1.0)
+        return "at its stability limit" if deviation <= MAX_MULTIPLIER_DEVIATION else super().stability_in_words
 
     def __getstate__(self) -> dict[str, Any]:
         """Return the state without the event, which may hold a function that cannot be pickled."""

@@ -30,6 +30,14 @@ STABILITY_CHANGING_KINDS = ("LP", "PD", "NS", "BP")
 """Kinds of special points at which solutions can become stable or unstable."""
 
 
+MAX_MULTIPLIER_DEVIATION = 1e-3
+"""Distance of a multiplier from +1 (BP), -1 (PD) or the unit circle (NS) above which a point is not located.
+
+Correct points were observed with 1e-4 and less, ends of segments that were mistaken for special points with 1e-2 and
+more.
+"""
+
+
 def is_stable(multipliers: ComplexArray) -> NDArray[np.bool_]:
     """Return whether no multiplier lies outside the unit circle.
 
