@@ -171,8 +171,6 @@ def trace_to_both_ends(
     """
     low, high = sorted(map(float, span))
     value = {**point.parameters, **options.get("at", {})}.get(parameter, low)
-    if value == span[1]:
-        span = span[::-1]
     forward = trace(equations, parameter, span, point, **options)
     if not low < value < high or forward.status in (Status.CLOSED, Status.INTERRUPTED):
         return forward

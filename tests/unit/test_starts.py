@@ -223,3 +223,24 @@ def test_a_bifurcating_branch_is_kept_in_files(tmp_path):
     curve.save(tmp_path / "curve.npz")
     again = hb.load(tmp_path / "curve.npz")
     assert [jump.landing_description for jump in again.jumps()] == [jump.landing_description for jump in curve.jumps()]
+
+
+# ---- points at an end of the span
+
+
+@pytest.mark.parametrize(
+    "make", [lambda: hb.HarmonicBalance(hb.Duffing(), 5), lambda: hb.ContactInstants(hb.SpurPair())]
+)
+def test_a_point_at_either_end_of_the_span_starts_the_whole_curve(make):
+    """From the last end there is one direction into the span: the curve is that of the exchanged span."""
+    problem = make()
+    whole = hb.trace(problem, "Omega", (1.5, 0.7))
+    kinds = [point.kind for point in whole.special]
+    for start, span in ((whole[0], (0.7, 1.5)), (whole[-1], (1.5, 0.7))):
+        curve = hb.trace(problem, "Omega", span, start=start)
+        assert curve.status is hb.Status.REACHED_END and set(curve.values[[0, -1]]) == set(span)
+        assert curve.values[0] == start.parameters["Omega"] == span[1]
+        points = curve.special if start.parameters["Omega"] == 1.5 else curve.special[::-1]
+        assert kinds == [point.kind for point in points]
+        for point, expected in zip(points, whole.special, strict=True):
+            assert point.parameters["Omega"] == pytest.approx(expected.parameters["Omega"], rel=1e-8)

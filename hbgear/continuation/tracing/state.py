@@ -9,6 +9,7 @@ over the width of the span.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -111,6 +112,10 @@ class Span:
         """Return +1.0 if the span leads to larger values, else -1.0."""
         return 1.0 if self.end > self.start else -1.0
 
+    def reversed(self) -> Span:
+        """Return the span with its ends exchanged."""
+        return replace(self, start=self.end, end=self.start)
+
     def end_at(self, value: float) -> float | None:
         """Return the end on which or beyond which a value lies; None for a value inside the span."""
         if self.direction * (value - self.end) >= 0:
@@ -194,6 +199,8 @@ def set_up(
     if name in values:
         raise ValueError(f"at={{'{name}': ...}}: it is what changes along the curve; give its span")
     section = _checked_span(name, span, problem.range_of(name))
+    if isinstance(start, Point) and math.isclose(start.parameters.get(name, section.start), section.end, rel_tol=1e-12):
+        section = section.reversed()  # only the first end is left to reach
     fixed = _fixed_parameters(problem, settings, start)
     problem.check_trace(name, *section.bounds, fixed)
     restricted = problem.restricted_to(name, *section.bounds, fixed)

@@ -104,8 +104,9 @@ def trace(
         itself, or cannot be computed further.
     start : Point or array_like, shape (n,), optional
         Initial solution. A `Point`, such as ``curve["LP1"]`` or ``curve[10]``, starts the trace at its own parameter
-        value, and an array at ``span[0]``. By default the problem computes an initial solution at ``span[0]``. If that
-        fails and `cover` is True, the trace starts at ``span[1]``, and `Branch.message` reports it.
+        value, and an array at ``span[0]``. From a point at ``span[1]`` the curve is traced to ``span[0]``. By default
+        the problem computes an initial solution at ``span[0]``. If that fails and `cover` is True, the trace starts at
+        ``span[1]``, and `Branch.message` reports it.
     at : mapping of str to float, optional
         Values of the other parameters by name, such as ``{"zeta": 0.05}``. By default they are taken from the start,
         else from the problem.
