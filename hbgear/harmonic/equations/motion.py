@@ -29,6 +29,7 @@ from typing import Any
 import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
+from hbgear.continuation.curve.refinement import shortest_step
 from hbgear.continuation.numerics.linear import Factors, norm, solve_linear
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.solvers.newton import NoConvergence, solve
@@ -433,19 +434,16 @@ def _resolution_error(problem: Any, X: Array, parameters: Mapping[str, float]) -
     if refined is None:
         return math.nan
     start = refined.resized(X)
-    R, J, slope, _ = refined.linearise(start, "Omega", **parameters)
+    evaluation = refined.linearise(start, "Omega", **parameters)
     weight = np.sqrt(np.where(np.arange(len(start)) % (len(start) // problem.m) == 0, 1.0, 0.5))
+    scale = np.append(1 / weight, parameters["Omega"] / (norm(weight * start) or 1.0))
     try:
-        factors = Factors(J)
-        step, tangent = factors.solve(np.column_stack([-R, -slope])).T
-        if not np.isfinite(step).all():
-            return math.nan
-        second = factors.solve(-refined.linearise(start + step, "", **parameters).R)
+        factors = Factors(evaluation.dR_dX)
+        step = factors.solve(-evaluation.R)
+        if np.isfinite(step).all():
+            second = factors.solve(-refined.linearise(start + step, "", **parameters).R)
+            if norm(weight * second) < norm(weight * step):
+                return norm(weight * step)
+        return norm(weight * shortest_step(evaluation, evaluation.R, scale)[:-1])
     except np.linalg.LinAlgError:
         return math.nan
-    weighted_step = weight * step
-    if norm(weight * second) < norm(weighted_step):
-        return norm(weighted_step)
-    direction, size = weight * tangent, norm(weight * start)
-    change = -(weighted_step @ direction) / (direction @ direction + (size / parameters["Omega"]) ** 2)
-    return norm(weighted_step + change * direction)
