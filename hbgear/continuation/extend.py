@@ -75,7 +75,7 @@ def extend(
     _check_end(branch, float(first), float(last))
     X_previous, X_last = (_unknowns(problem, branch, i) for i in (-2, -1))
     direction = np.append(X_last - X_previous, branch.values[-1] - branch.values[-2])
-    start = BranchStart(X_last, branch.parameters_at(-1), direction, away=False)
+    start = BranchStart(X_last, branch.parameters_at(-1), direction, bifurcating=False)
     options = {"stability": branch.multipliers is not None, **options}
     new = trace(problem, branch.parameter, (float(first), float(last)), start, **options)
     extended = append_continuation(*padded_to_common_size(branch, new))

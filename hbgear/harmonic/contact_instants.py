@@ -221,7 +221,7 @@ class ContactInstants(HarmonicBalance):
     ('GR', 1.259615)
     """
 
-    known: KnownStates | None = None
+    known_states: KnownStates | None = None
     """Points of the branch to which the problem belongs."""
 
     @checked_arguments()
@@ -243,11 +243,11 @@ class ContactInstants(HarmonicBalance):
         """
         out = super().with_order(nu, harmonics)
         assert isinstance(out, ContactInstants)
-        known, out.known = self.known, None
+        known, out.known_states = self.known_states, None
         if known is not None and nu == self.nu:
             family = self.family(known.name, known.fixed)
             X = [coefficients(family(state.value), state.iterate, out.H)[0].ravel() for state in known.states]
-            out.known = known._replace(X=np.array(X))
+            out.known_states = known._replace(X=np.array(X))
         return out
 
     # ---- equations
@@ -298,11 +298,11 @@ class ContactInstants(HarmonicBalance):
     @property
     def known_parameter(self) -> str:
         """Name of the parameter of the known points; empty without them."""
-        return self.known.name if self.known is not None else ""
+        return self.known_states.name if self.known_states is not None else ""
 
     def nearest_states(self, X: Array, parameters: Mapping[str, float]) -> list[CurveState]:
         """Return the states of the known points nearest to coefficients X; none at other fixed parameters."""
-        known = self.known
+        known = self.known_states
         if known is None or {k: v for k, v in parameters.items() if k != known.name} != known.fixed:
             return []
         distance = np.linalg.norm(known.X - X, axis=1) / (float(np.linalg.norm(X)) or 1.0)
@@ -459,7 +459,7 @@ class ContactInstants(HarmonicBalance):
         problem = copy.copy(self)
         states = [point.state for point in curve.points]
         contacts = {mark.index: mark.contacts for mark in curve.marks if mark.contacts}
-        problem.known = KnownStates(setup.name, dict(setup.fixed), branch.values, branch.X, states, contacts)
+        problem.known_states = KnownStates(setup.name, dict(setup.fixed), branch.values, branch.X, states, contacts)
         special = tuple(replace(point, problem=problem) for point in branch.special if point.kind in kinds)
         meta = with_asymptotes(branch.meta, last=curve.asymptote)
         branch = replace(branch, problem=problem, special=special, meta=meta)
@@ -560,7 +560,7 @@ def exact_or_traced_again(
     exact = exact_special_point(problem, parameter, point)
     span = branch.meta.get("trace", {}).get("span") if branch is not None else None
     is_large = problem.compiled({}).system.n > MAX_HARD_COORDINATES
-    if exact is not None or branch is None or span is None or problem.known is not None or is_large:
+    if exact is not None or branch is None or span is None or problem.known_states is not None or is_large:
         return exact
     value = point.parameters[parameter]
     with suppress(NoConvergence, ValueError):
@@ -574,7 +574,7 @@ def exact_or_traced_again(
 
 def grazing_contacts(problem: ContactInstants, point: SpecialPoint) -> tuple[Grazing, ...]:
     """Return the contacts that graze at a point of the curve of a problem; empty for a curve from a file."""
-    known, states = problem.known, problem.nearest_states(point.X, point.parameters)
+    known, states = problem.known_states, problem.nearest_states(point.X, point.parameters)
     if known is None or not states:
         return ()
     return next((known.contacts.get(i, ()) for i, state in enumerate(known.states) if state is states[0]), ())

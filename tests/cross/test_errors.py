@@ -297,9 +297,9 @@ def test_a_turn_that_is_missed_once_is_sought_with_more_unknowns(failures):
     first = Parabola(others=((problem, 1.0),), finer=problem)
     found = accuracy.estimate_error(*turn_on(first), 1e-9)
     if failures == 2:
-        assert found.error == np.inf and found.sharp is None and found.value == 0.0
+        assert found.error == np.inf and found.refined is None and found.value == 0.0
     else:
-        assert found.sharp.problem is last and found.value == pytest.approx(1e-5, rel=1e-6)
+        assert found.refined.problem is last and found.value == pytest.approx(1e-5, rel=1e-6)
         assert found.error == pytest.approx(2e-6, rel=1e-3)
 
 

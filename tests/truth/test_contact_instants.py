@@ -277,7 +277,7 @@ def test_jacobian_is_the_derivative_of_the_residual(model: Any) -> None:
 
     branch = hb.trace(hb.ContactInstants(model, 8), "Omega", (0.9, 0.84))
     family = branch.problem.family("Omega", dict(branch.fixed))
-    states = [s for s in branch.problem.known.states if s.pattern.count > 1]
+    states = [s for s in branch.problem.known_states.states if s.pattern.count > 1]
     state = min(states, key=lambda s: abs(s.iterate.durations(2 * np.pi).min() - 0.05))
     state = CurveState(state.pattern, state.z * (1 + 1e-3 * np.cos(np.arange(len(state.z)))), state.fixed)
     ode = family(state.value)

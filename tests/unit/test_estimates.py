@@ -126,7 +126,7 @@ def test_the_error_is_the_largest_weighted_change_of_the_parameter(others):
     segment, fold = fold_of(problem)
     found = accuracy.estimate_error(segment, fold, 1e-9)
     assert found.error == pytest.approx(max(w * abs(c) for c, _, w in others), rel=1e-9)
-    assert found.located and found.sharp is None and found.value == 0.0 and found.note == "note"
+    assert found.located and found.refined is None and found.value == 0.0 and found.note == "note"
 
 
 @pytest.mark.parametrize("c", [1e-3, -2e-4])
@@ -177,7 +177,7 @@ def test_a_point_is_located_with_more_unknowns_until_the_error_is_below_the_targ
     found = accuracy.estimate_error(*fold_of(chain(0.0, 1e-3, 1.1e-3, 1.11e-3, 1.111e-3)), goal)
     assert found.value == pytest.approx(value, rel=1e-9, abs=1e-15)
     assert found.error == pytest.approx(error, rel=1e-6) and found.located
-    assert (found.sharp is None) == (value == 0.0)
+    assert (found.refined is None) == (value == 0.0)
 
 
 def test_a_trace_to_the_highest_resolution():
@@ -202,7 +202,7 @@ def test_the_first_comparison_above_the_target_ends_an_estimate_that_can_be_refi
     problem = Moved(others=((finer, 1.0), (second, 1.0)), finer=finer)
     finer.others = ((Moved(1e-3), 1.0),)
     found = accuracy.estimate_error(*fold_of(problem), 1e-9)
-    assert second.evaluations == 0 and found.value == pytest.approx(1e-3) and found.sharp.problem is finer
+    assert second.evaluations == 0 and found.value == pytest.approx(1e-3) and found.refined.problem is finer
     below = accuracy.estimate_error(*fold_of(problem), 1.0)
     assert below.error == pytest.approx(5e-3, rel=1e-9) and second.evaluations > 0
 
@@ -232,11 +232,11 @@ def test_a_point_that_does_not_exist_elsewhere_costs_more():
 def test_limits_of_the_work():
     problem = chain(0.0, 1e-3, 1.1e-3)
     none = accuracy.estimate_error(*fold_of(problem), 1e-9, Work(2.9 * ONE))
-    assert math.isnan(none.error) and none.sharp is None and none.located
+    assert math.isnan(none.error) and none.refined is None and none.located
     # the first estimate is allowed, the location not: the complete estimate with all comparisons remains
     problem.others = ((problem.finer, 1.0), (Moved(-7e-3), 1.0))
     first = accuracy.estimate_error(*fold_of(problem), 1e-9, Work(7.9 * ONE))
-    assert first.error == pytest.approx(7e-3, rel=1e-9) and first.sharp is None
+    assert first.error == pytest.approx(7e-3, rel=1e-9) and first.refined is None
     # the location is allowed (8 of 8 + 8), a second estimate not
     second = accuracy.estimate_error(*fold_of(problem), 1e-9, Work(9.9 * ONE))
     assert second.value == pytest.approx(1e-3) and second.error == pytest.approx(1e-3, rel=1e-6)
@@ -250,7 +250,7 @@ def test_two_failed_refinements_end_the_search():
             problem = Moved(others=((problem, 1.0),), finer=problem, fails=("all",))
         first = Moved(others=((problem, 1.0),), finer=problem)
         found = accuracy.estimate_error(*fold_of(first), 1e-9)
-        assert found.error == pytest.approx(error, rel=1e-6) and (found.sharp is None) == (failures == 2)
+        assert found.error == pytest.approx(error, rel=1e-6) and (found.refined is None) == (failures == 2)
         assert found.located
 
 
@@ -285,7 +285,7 @@ def test_multipliers_off_by_more_than_a_thousandth_are_no_special_point(off, loc
     finer = line(1e-6, others=((line(2e-6), 1.0),), observed={"multipliers": np.array([-1.0, 0.3])})
     problem.others, problem.finer = ((finer, 1.0),), finer
     judged = accuracy.estimate_error(segment, found, 1e-3)
-    assert judged.located and (judged.sharp is not None) == (not located)
+    assert judged.located and (judged.refined is not None) == (not located)
     assert accuracy._deviation(segment, replace(found, located=False)) == 0.0
     assert accuracy._deviation(segment, replace(found, event=FoldEvent())) == 0.0
     found.point.observed["multipliers"] = np.array([math.nan, 0.3])
@@ -308,10 +308,10 @@ def test_a_point_that_moves_by_a_twentieth_is_another_one(c, found):
     assert (moved is not None) == found
     if found:
         assert moved.value == pytest.approx(c, abs=1e-12) and moved.distance == pytest.approx(2**0.5 * abs(c))
-        sharp = moved.sharp()
-        np.testing.assert_allclose(sharp.point.u, [c, 0.0, 0.0, c], atol=1e-12)
-        assert sharp.point.residual < 1e-12 and sharp.point.orientation == segment.a.orientation
-        np.testing.assert_array_equal(sharp.point.tangent, np.insert(segment.a.tangent, 2, 0.0))
+        refined = moved.locate()
+        np.testing.assert_allclose(refined.point.u, [c, 0.0, 0.0, c], atol=1e-12)
+        assert refined.point.residual < 1e-12 and refined.point.orientation == segment.a.orientation
+        np.testing.assert_array_equal(refined.point.tangent, np.insert(segment.a.tangent, 2, 0.0))
 
 
 def test_a_point_without_equations_or_solutions():
@@ -320,7 +320,7 @@ def test_a_point_without_equations_or_solutions():
     none = replace(fold, event=type("Bare", (FoldEvent,), {"equations": lambda *_: None})())
     assert accuracy._by_equations(segment, none, Moved(1e-3)) is None
     lost = accuracy._at_other_resolution(segment, none, Moved(fails=("all",)))
-    assert math.isnan(lost.value) and lost.distance == math.inf and lost.sharp() is None
+    assert math.isnan(lost.value) and lost.distance == math.inf and lost.locate() is None
 
 
 def test_steps_end_when_the_change_is_known():
@@ -371,7 +371,7 @@ def test_a_point_beyond_the_ends_has_left_its_segment(x, left):
     assert not accuracy._left_segment(segment, fold, replace(moved, distance=0.99e-3 * 0.02))
     if left:
         assert accuracy._left_segment(segment, fold, replace(moved, distance=1.01e-3 * 0.02))
-    assert not accuracy._left_segment(segment, fold, replace(moved, sharp=lambda: None))
+    assert not accuracy._left_segment(segment, fold, replace(moved, locate=lambda: None))
 
 
 @pytest.mark.parametrize(
@@ -383,12 +383,12 @@ def test_a_point_is_searched_on_the_segment_solved_again_and_on_its_extension(d,
     finer = Moved(1e-5, d, smooth=False)
     moved = accuracy._on_segment(segment, fold, finer)
     if not exists:
-        assert math.isnan(moved.value) and moved.distance == math.inf and moved.sharp() is None
+        assert math.isnan(moved.value) and moved.distance == math.inf and moved.locate() is None
         return
     assert moved.value == pytest.approx(1e-5, abs=1e-12)
     assert moved.distance == pytest.approx(math.hypot(d, 1e-5), rel=1e-6)
-    assert moved.sharp().problem is finer
-    np.testing.assert_allclose(moved.sharp().point.u, [d, 0.0, 0.0, 1e-5], atol=1e-8)
+    assert moved.locate().problem is finer
+    np.testing.assert_allclose(moved.locate().point.u, [d, 0.0, 0.0, 1e-5], atol=1e-8)
 
 
 @pytest.mark.parametrize(("d", "exists"), [(0.008, True), (0.0185, True), (-0.0185, True), (0.02, False)])
@@ -415,7 +415,7 @@ def test_a_fold_without_equations_is_shifted():
     finer = Moved(1e-5, 0.002, smooth=False)
     moved = accuracy._at_other_resolution(segment, fold, finer)
     assert moved.value == pytest.approx(1e-5 + 8e-6, rel=1e-3) and moved.distance == 0.0
-    np.testing.assert_allclose(moved.sharp().point.u, [0.002, 0.0, 0.0, 1e-5], atol=1e-8)
+    np.testing.assert_allclose(moved.locate().point.u, [0.002, 0.0, 0.0, 1e-5], atol=1e-8)
 
 
 def test_distances_of_points_are_scaled():
@@ -433,4 +433,4 @@ def test_of_several_points_the_nearest_one_is_chosen():
     points.append(replace(points[1], point=finer.at(0.0), event=Doubling()))
     finder = type("Finder", (FoldEvent,), {"find": lambda self, segment: points})()
     moved = accuracy._on_segment(segment, replace(fold, finder=finder), finer)
-    assert moved.value == points[1].point.value and moved.sharp().point is points[1].point
+    assert moved.value == points[1].point.value and moved.locate().point is points[1].point

@@ -167,7 +167,7 @@ def test_near_zeros_are_weighted_with_scaled_lengths():
 def test_a_level_is_found_where_its_sign_changes():
     segment, event = LINE.segment(0.0, 2.0), level("wall", lambda p: p - 0.5)
     (found,) = event.find(segment)
-    assert found.event is event and found.located and found.note == "" and found.finder is found.sharp is None
+    assert found.event is event and found.located and found.note == "" and found.finder is found.refined is None
     assert found.s == pytest.approx(0.25, abs=1e-12) and found.value == pytest.approx(0.5, abs=1e-12)
     assert math.isnan(found.error)
     for f in (lambda p: p + 1, lambda p: p, lambda p: p - 2, lambda p: (p - 1) ** 2):
@@ -177,7 +177,7 @@ def test_a_level_is_found_where_its_sign_changes():
 def test_the_value_is_that_with_more_unknowns():
     found = LocatedEvent(FoldEvent(), 0.5, LINE.point(1.0), True)
     assert found.value == 1.0
-    assert replace(found, sharp=RefinedLocation(LINE, LINE.point(1.5))).value == 1.5
+    assert replace(found, refined=RefinedLocation(LINE, LINE.point(1.5))).value == 1.5
 
 
 # ---- bracketed roots
@@ -566,7 +566,7 @@ def test_another_branch_leaves_across_the_traced_curve(a, c, place):
     for side in (1, -1):
         own, start = BranchPointEvent().branch_direction(curve, point, side)
         directions.append(start.direction)
-        assert own is problem and start.away and start.event.kind == "BP"
+        assert own is problem and start.bifurcating and start.event.kind == "BP"
         np.testing.assert_array_equal(start.X, point.X)
         assert start.parameters == point.parameters
     np.testing.assert_array_equal(directions[0], -directions[1])

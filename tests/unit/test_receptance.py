@@ -82,7 +82,7 @@ def test_dependent_directions_against_dense_solves(rng, power):
         ])  # fmt: skip
         d = d_plus_e - e
         law_forces = f + s.kr * d_plus_e + 1j * w * c * e
-        residual = s.force_sums @ (part.Z[k] @ d + part.g[k] + law_forces) + s.ties @ d_plus_e
+        residual = s.force_sums @ (part.Z[k] @ d + part.g[k] + law_forces) + s.compatibility @ d_plus_e
         np.testing.assert_allclose(residual, 0.0, atol=1e-11)
 
 

@@ -344,7 +344,7 @@ def complete_branch(
     if first.status in (Status.CLOSED, Status.RETRACED) or not first.status.complete:
         return raise_if_interrupted(trace(problem, "Omega", span, start, steps=steps, stability=stability))
     if first.status is Status.UNBOUNDED:
-        branch_start = BranchStart(X, start.parameters, np.append(np.zeros(len(X)), 1.0), away=False)
+        branch_start = BranchStart(X, start.parameters, np.append(np.zeros(len(X)), 1.0), bifurcating=False)
         follow = partial(trace, problem, "Omega", steps=steps, stability=stability)
         return trace_both_directions(
             branch_start, span, lambda span, start: raise_if_interrupted(follow(span, start)), NewtonSettings()

@@ -26,7 +26,7 @@ class Located(Protocol):
         """The event."""
 
     @property
-    def sharp(self) -> Any:
+    def refined(self) -> Any:
         """The location at a higher resolution, or None."""
 
     @property
@@ -109,8 +109,8 @@ def build_branch(
     for mark in marks:
         event, kind = mark.special, mark.special.event.kind
         count[kind] = count.get(kind, 0) + 1
-        if event.sharp is not None:
-            fields = point_fields(event.sharp.problem, name, fixed, event.sharp.point)
+        if event.refined is not None:
+            fields = point_fields(event.refined.problem, name, fixed, event.refined.point)
         else:
             fields = point_fields(problem, name, fixed, points[mark.index]) | {
                 "multipliers": None if mu is None else mu[mark.index], "regime": regime[mark.index]

@@ -127,7 +127,7 @@ class BranchStart:
         All parameters.
     direction : ndarray, shape (n + 1,)
         Direction in (X, p); zero for a problem that follows curves itself, see `ContinuationProblem.own_trace`.
-    away : bool
+    bifurcating : bool
         Whether the branch leaves another one at a special point, where the equations are singular. The default is True.
     event : Event or None
         Event of the special point, which happens again where the branch closes.
@@ -136,7 +136,7 @@ class BranchStart:
     X: Array
     parameters: dict[str, float]
     direction: Array
-    away: bool = True
+    bifurcating: bool = True
     event: Any = None
 
 

@@ -33,6 +33,7 @@ from hbgear.continuation.numerics.linear import norm
 from hbgear.continuation.problem.base import ContinuationProblem, observe_all
 from hbgear.continuation.problem.work import Work
 from hbgear.continuation.results.point import SpecialPoint
+from hbgear.continuation.results.stability import MAX_MULTIPLIER_DEVIATION
 from hbgear.continuation.solvers.newton import NoConvergence, Solution, solution_at
 
 PARAMETER_ROUNDING = 1e-12
@@ -61,14 +62,6 @@ SETTLED_STEP_RATIO = 0.1
 
 MAX_PLAIN_STEPS = 6
 """Number of undamped Newton steps, after which the damped iteration is used."""
-
-
-MAX_MULTIPLIER_DEVIATION = 1e-3
-"""Distance of a multiplier from +1 (BP), -1 (PD) or the unit circle (NS) above which a point is not located.
-
-Correct points were observed with 1e-4 and less, ends of segments that were mistaken for special points with 1e-2 and
-more.
-"""
 
 
 COMPARISON_COST = 3
@@ -100,13 +93,13 @@ class Comparison:
         Value of the parameter, nan if the point was not found.
     distance : float
         Scaled distance from the original location.
-    sharp : callable
+    locate : callable
         Function that locates the point to all digits, and returns None if that fails.
     """
 
     value: float
     distance: float
-    sharp: Callable[[], RefinedLocation | None]
+    locate: Callable[[], RefinedLocation | None]
 
 
 _NOT_FOUND = Comparison(math.nan, math.inf, lambda: None)
@@ -157,10 +150,10 @@ def estimate_error(segment: Segment, event: LocatedEvent, accuracy: float, work:
         if not work.allows(finer.equivalent_size, LOCATION_COST):
             error = _estimate(segment, event, problem, math.inf, points)
             break
-        sharp = _comparison(finer, segment, event, points).sharp()
-        failures, problem = (0 if sharp else failures + 1), finer
-        if sharp:
-            event = replace(event, sharp=sharp, located=True)
+        refined = _comparison(finer, segment, event, points).locate()
+        failures, problem = (0 if refined else failures + 1), finer
+        if refined:
+            event = replace(event, refined=refined, located=True)
         elif failures == MAX_FAILED_REFINEMENTS:
             break
     located = event.located and _deviation(segment, event) <= MAX_MULTIPLIER_DEVIATION
@@ -172,7 +165,7 @@ def _deviation(segment: Segment, event: LocatedEvent) -> float:
     """Return the distance of the multipliers of a point from the values that its event requires; 0 if unknown."""
     if not event.located or "multipliers" not in segment.a.observed or event.event.deviation(np.empty(0, complex)) == 0:
         return 0.0
-    location = event.sharp or RefinedLocation(segment.problem, event.point)
+    location = event.refined or RefinedLocation(segment.problem, event.point)
     if not location.point.observed:
         location.point.observed.update(
             observe_all(location.problem, location.point.u[None], segment.name, segment.parameters, True)[0]
@@ -204,7 +197,7 @@ def _estimate(
     The comparisons stop at the first one that exceeds the goal. ``points`` has the points that are known at other
     resolutions, by the texts of their resolutions, and receives further ones.
     """
-    is_current = (event.sharp.problem if event.sharp else segment.problem) is problem
+    is_current = (event.refined.problem if event.refined else segment.problem) is problem
     if not event.located or not is_current:  # not located at this resolution
         return math.inf
     value, errors = event.value, []
@@ -255,15 +248,15 @@ def _at_other_resolution(segment: Segment, event: LocatedEvent, problem: Continu
     if simple and (segment.problem.smooth or isinstance(event.event, FoldEvent)):
         first = _by_equations(segment, event, problem)
         if first is not None:
-            sharp = first.sharp() if _left_segment(segment, event, first) else None
-            if sharp is None:
+            refined = first.locate() if _left_segment(segment, event, first) else None
+            if refined is None:
                 return first
             second = _on_segment(segment, event, problem)
             return second if second.distance < first.distance else first
     if event.located and isinstance(event.event, FoldEvent):
         try:
-            change = _fold_shift(segment, event.sharp.point if event.sharp else event.point, problem)
-            return Comparison(event.value + change, 0.0, lambda: _on_segment(segment, event, problem).sharp())
+            change = _fold_shift(segment, event.refined.point if event.refined else event.point, problem)
+            return Comparison(event.value + change, 0.0, lambda: _on_segment(segment, event, problem).locate())
         except (NoConvergence, np.linalg.LinAlgError):
             pass
     return _on_segment(segment, event, problem)
@@ -274,7 +267,7 @@ def _by_equations(segment: Segment, event: LocatedEvent, problem: ContinuationPr
 
     In a problem that is not smooth, only folds at corners are solved in this way, with the corner of the point.
     """
-    location = event.sharp or RefinedLocation(segment.problem, event.point)
+    location = event.refined or RefinedLocation(segment.problem, event.point)
     located, parameters = location.point, {**segment.parameters, segment.name: location.point.value}
     start = np.append(problem.resized(located.X), located.value)
     try:
@@ -292,7 +285,7 @@ def _by_equations(segment: Segment, event: LocatedEvent, problem: ContinuationPr
     except (NoConvergence, np.linalg.LinAlgError, ValueError):
         return None
 
-    def sharp() -> RefinedLocation | None:
+    def locate() -> RefinedLocation | None:
         try:
             solution = extended.located(U, parameters)
         except (NoConvergence, np.linalg.LinAlgError, ValueError):
@@ -304,7 +297,7 @@ def _by_equations(segment: Segment, event: LocatedEvent, problem: ContinuationPr
         return RefinedLocation(problem, refined) if valid else None
 
     distance = _distance(segment, replace(located, u=U), located)
-    return Comparison(float(U[-1]), distance, sharp) if distance <= MAX_POINT_SHIFT else None
+    return Comparison(float(U[-1]), distance, locate) if distance <= MAX_POINT_SHIFT else None
 
 
 def _newton_until_settled(
@@ -329,8 +322,8 @@ def _left_segment(segment: Segment, event: LocatedEvent, comparison: Comparison)
     """Return whether a point moved beyond the ends of its segment, and may be another special point."""
     if comparison.distance <= SAME_SEGMENT_FRACTION * segment.length:
         return False
-    sharp = comparison.sharp()
-    return sharp is not None and not 0 <= segment.fraction_of(_resized(segment, sharp.point)) <= 1
+    refined = comparison.locate()
+    return refined is not None and not 0 <= segment.fraction_of(_resized(segment, refined.point)) <= 1
 
 
 def _on_segment(segment: Segment, event: LocatedEvent, problem: ContinuationProblem) -> Comparison:
@@ -349,7 +342,7 @@ def _on_segment(segment: Segment, event: LocatedEvent, problem: ContinuationProb
         return _NOT_FOUND
     point = min(points, key=lambda p: abs(resolved.fraction_of(p.point.u) - event.s)).point
     return Comparison(
-        point.value, _distance(segment, point, (event.sharp or event).point), lambda: RefinedLocation(problem, point)
+        point.value, _distance(segment, point, (event.refined or event).point), lambda: RefinedLocation(problem, point)
     )
 
 

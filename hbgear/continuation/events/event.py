@@ -82,8 +82,8 @@ class LocatedEvent:
     note : str
         Remark for the user.
     error : float
-        Estimated error of the parameter value, of ``sharp`` if there is one; nan if unknown. See `accuracy`.
-    sharp : RefinedLocation or None
+        Estimated error of the parameter value, of ``refined`` if there is one; nan if unknown. See `accuracy`.
+    refined : RefinedLocation or None
         The point located with more unknowns.
     finder : Event or None
         The event that found the point, if it is not its own.
@@ -95,13 +95,13 @@ class LocatedEvent:
     located: bool
     note: str = ""
     error: float = math.nan
-    sharp: RefinedLocation | None = None
+    refined: RefinedLocation | None = None
     finder: Event | None = None
 
     @property
     def value(self) -> float:
         """The most accurate value of the parameter."""
-        return self.sharp.point.value if self.sharp else self.point.value
+        return self.refined.point.value if self.refined else self.point.value
 
 
 class Event:

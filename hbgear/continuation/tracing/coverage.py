@@ -181,7 +181,7 @@ def _smallest(branch: Branch) -> BranchStart:
     """
     i = min(max(int(np.argmin(np.linalg.norm(branch.X, axis=1))), 1), len(branch) - 2)
     before, after = (np.append(branch.X[k], branch.values[k]) for k in (i - 1, i + 1))
-    return BranchStart(branch.X[i], branch.parameters_at(i), after - before, away=False)
+    return BranchStart(branch.X[i], branch.parameters_at(i), after - before, bifurcating=False)
 
 
 def trace_both_directions(

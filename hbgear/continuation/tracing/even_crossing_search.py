@@ -152,7 +152,7 @@ class EvenCrossingSearch:
             return point
         refused = work.refused
         assessed = estimate_error(part, point, accuracy, work)
-        refined = assessed.sharp is not None or work.refused > refused  # a refusal is no evidence against a point
+        refined = assessed.refined is not None or work.refused > refused  # a refusal is no evidence against a point
         limit = max(accuracy, SPURIOUS_POINT_ERROR) if refined else accuracy
         return None if assessed.error > limit * part.problem.unit_of(setup.name, assessed.point.value) else assessed
 

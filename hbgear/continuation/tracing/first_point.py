@@ -206,7 +206,7 @@ def _begin_branch(setup: TraceSetup, start: BranchStart) -> tuple[TraceState, li
     state = TraceState(setup, problem, setup.problem)
     size, along = (float(problem.solution_norm(x)) for x in (start.X, start.direction[:-1]))
     state.update_scale(start.X, along if size <= ZERO_SOLUTION_RATIO * along else size)
-    if not start.away:
+    if not start.bifurcating:
         state.points = [_point_along_branch(state, start, 0.0)]
         return state, []
     first, second = _first_two_points(state, start)

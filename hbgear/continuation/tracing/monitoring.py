@@ -210,7 +210,7 @@ class Monitor:
         if not (settings.stability and settings.special) or settings.accuracy is None:
             return False
         path = self.state.points[start:]
-        codes = codes_of(path)
+        codes = stability_codes_of(path)
         contradicting = set[int]()
         for i in range(1, len(path)):
             kinds = [
@@ -225,10 +225,10 @@ class Monitor:
             point.observed["contradicts"] = True
             point.observed.pop("modulus_error", None)
         self.verify_stability(rechecked)
-        return bool(rechecked) and codes_of(path) != codes
+        return bool(rechecked) and stability_codes_of(path) != codes
 
 
-def codes_of(points: Sequence[CurvePoint]) -> list[int]:
+def stability_codes_of(points: Sequence[CurvePoint]) -> list[int]:
     """Return the stability codes of monitored points; see `stability_codes`."""
     sets = [point.observed.get("multipliers") for point in points]
     if len({None if mu is None else len(mu) for mu in sets}) > 1:  # compare the largest multiplier alone

@@ -16,7 +16,7 @@ from hbgear.continuation.events.event import LocatedEvent
 from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.solvers.newton import NoConvergence
 from hbgear.continuation.tracing.monitoring import Monitor
-from hbgear.continuation.tracing.state import TraceState, size_of
+from hbgear.continuation.tracing.state import TraceState, number_of_unknowns
 
 
 class ResolutionControl:
@@ -42,7 +42,7 @@ class ResolutionControl:
         while True:
             before = state.problem, state.scale, state.points[-1]
             adapted = state.problem.adapted(state.points[-1].observed)
-            if adapted is None or (last and size_of(adapted) < size_of(state.problem)):
+            if adapted is None or (last and number_of_unknowns(adapted) < number_of_unknowns(state.problem)):
                 return
             if not any(self._change(adapted, fixed_value) for fixed_value in self._fixed_values(last)):
                 return
@@ -95,8 +95,8 @@ class ResolutionControl:
         while segment.problem.changes:
             self.monitor.observe([event.point for event in located], segment.problem)
             required = [segment.problem.adapted(event.point.observed) for event in located if event.located]
-            finer = max((p for p in required if p is not None), key=size_of, default=segment.problem)
-            if size_of(finer) <= size_of(segment.problem):
+            finer = max((p for p in required if p is not None), key=number_of_unknowns, default=segment.problem)
+            if number_of_unknowns(finer) <= number_of_unknowns(segment.problem):
                 break
             a, b = (self._solve_again(finer, end) for end in (segment.a, segment.b))
             if a is None or b is None:

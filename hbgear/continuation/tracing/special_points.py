@@ -107,8 +107,8 @@ class SpecialPoints:
         self.monitor.observe(self.state.points)
         self.monitor.observe([event.point for _, event in self.state.located])
         for _, event in self.state.located:
-            if event.sharp is not None:
-                self.monitor.observe([event.sharp.point], event.sharp.problem)
+            if event.refined is not None:
+                self.monitor.observe([event.refined.point], event.refined.problem)
 
     # ---- search
 
@@ -276,10 +276,10 @@ def _are_same(a: LocatedEvent, b: LocatedEvent) -> bool:
     """
     if (a.event.kind, a.note) != (b.event.kind, b.note) or a.event.kind == BranchPointEvent.kind:
         return False
-    u, v = ((event.sharp or event).point.u for event in (a, b))
+    u, v = ((event.refined or event).point.u for event in (a, b))
     return are_equal(u, v)
 
 
 def _rank(event: LocatedEvent) -> tuple[bool, float]:
     """Return the order of coinciding special points: located ones first, then by the shift of their refinement."""
-    return not event.located, abs(event.sharp.point.value - event.point.value) if event.sharp else 0.0
+    return not event.located, abs(event.refined.point.value - event.point.value) if event.refined else 0.0

@@ -210,7 +210,7 @@ def set_up(
     requested = restricted if requested is problem else requested.restricted_to(name, *section.bounds, fixed)
     return TraceSetup(
         settings, restricted, requested, section, fixed, abort_if_under_resolved, work,
-        start if isinstance(start, BranchStart) and start.away else None,
+        start if isinstance(start, BranchStart) and start.bifurcating else None,
     )  # fmt: skip
 
 
@@ -330,7 +330,7 @@ class TraceState:
 
     def keep_largest(self, problem: ContinuationProblem) -> None:
         """Update the problem at the highest resolution."""
-        self.largest = max(self.largest, problem, key=size_of)
+        self.largest = max(self.largest, problem, key=number_of_unknowns)
 
     # ---- scales
 
@@ -348,7 +348,7 @@ class TraceState:
 
     def scale_for(self, problem: ContinuationProblem) -> Array:
         """Return the present scales for the unknowns of another problem."""
-        return rescaled(self.scale, problem, size_of(problem))
+        return rescaled(self.scale, problem, number_of_unknowns(problem))
 
     # ---- geometry
 
@@ -382,6 +382,6 @@ class TraceState:
         return self._history[: count - NUMBER_OF_RECENT_POINTS]
 
 
-def size_of(problem: ContinuationProblem) -> int:
+def number_of_unknowns(problem: ContinuationProblem) -> int:
     """Return the number of unknowns of a problem, 0 if it is not known."""
     return problem.size or 0

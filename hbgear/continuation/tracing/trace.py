@@ -415,7 +415,7 @@ class Tracer:
         parameters, problem = self.setup.parameters_at(value), self.state.original
         guess = solution_by_problem(self.setup, problem, parameters) if estimate is None else problem.resized(estimate)
         X = solve(problem, guess, parameters, "", self.setup.settings.newton).X
-        return BranchStart(X, parameters, np.append(np.zeros(len(X)), 1.0), away=False)
+        return BranchStart(X, parameters, np.append(np.zeros(len(X)), 1.0), bifurcating=False)
 
     # ---- result
 

@@ -127,7 +127,8 @@ class EquilibriumProblem(ContinuationProblem):
         linear, s = evaluator.linear(STATIC_FREQUENCY), evaluator.structure
         p, k, _ = forces_at(evaluator, X, np.zeros(1))
         e, Z = evaluator.receptance.e[0].real, linear.Z[0].real
-        return s.force_sums @ (Z @ X + linear.g[0].real + p) + s.ties @ (X + e), s.force_sums @ (Z + k) + s.ties
+        R = s.force_sums @ (Z @ X + linear.g[0].real + p) + s.compatibility @ (X + e)
+        return R, s.force_sums @ (Z + k) + s.compatibility
 
     def start(self, **parameters: float) -> Array:
         """Return a stable equilibrium if there is one, else another one.

@@ -182,7 +182,7 @@ class ResonanceEvent(CodimensionTwoEvent):
             if start is not None:
                 direction = np.zeros(len(start[1].X) + 1)
                 direction[-1] = branch.values[i] - branch.values[point.index]
-                return start[0], BranchStart(start[1].X, branch.parameters_at(i), direction, away=False)
+                return start[0], BranchStart(start[1].X, branch.parameters_at(i), direction, bifurcating=False)
         return None
 
     def _complex_pair_near(self, branch: Branch, i: int) -> tuple[NeimarkSackerProblem, Solution] | None:
@@ -461,7 +461,7 @@ class RealPairEvent(CodimensionTwoEvent):
         equations = self._equations(ended.problem, ended.parameter)
         X = equations.join(ended.problem.from_point(point), point.parameters)
         direction = np.append(np.zeros(len(X)), float(side))
-        return equations, BranchStart(X, dict(point.parameters), direction, away=False)
+        return equations, BranchStart(X, dict(point.parameters), direction, bifurcating=False)
 
     def ahead(self, segment: Segment) -> LocatedEvent | None:
         """Return the resonance slightly beyond the last segment."""

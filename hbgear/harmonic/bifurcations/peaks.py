@@ -95,7 +95,7 @@ def locate_peaks(
 def _point(branch: Branch, i: int, number: int, event: LocatedEvent) -> SpecialPoint:
     """Return peak number ``number``, located near point i, with its monitored quantities."""
     problem, point = (
-        (event.sharp.problem, event.sharp.point) if event.sharp else (as_problem(branch.problem), event.point)
+        (event.refined.problem, event.refined.point) if event.refined else (as_problem(branch.problem), event.point)
     )
     fixed = {k: v for k, v in branch.parameters_at(i).items() if k != branch.parameter}
     point.observed.update(
@@ -162,11 +162,13 @@ class AmplitudePeakEvent(Event):
             )
             return float(best.x)
 
-        sharp = self._refine(segment, self._interpolated_maximum(segment)) or self._refine(
+        refined = self._refine(segment, self._interpolated_maximum(segment)) or self._refine(
             segment, search(INITIAL_PEAK_TOLERANCE)
         )
         return [
-            LocatedEvent(self, 0.5, sharp or segment.at(search(FINAL_PEAK_TOLERANCE)), True, f"peak of {self.measure}")
+            LocatedEvent(
+                self, 0.5, refined or segment.at(search(FINAL_PEAK_TOLERANCE)), True, f"peak of {self.measure}"
+            )
         ]
 
     def _amplitude(self, segment: Segment, X: Array) -> Array:

@@ -235,16 +235,16 @@ class Evaluator:
         R, J, dR, size = self._balance(X, Omega, linear)
         if not self.structure.constrained:
             return R, J, dR, size
-        ties = self.structure.ties
+        compatibility = self.structure.compatibility
         R, J, dR = self._tied(R), self._tied(J), self._tied(dR)
-        R += (ties @ (X.reshape(self.m, -1) + to_real(self.receptance.e.T))).ravel()
+        R += (compatibility @ (X.reshape(self.m, -1) + to_real(self.receptance.e.T))).ravel()
         J += self._ties
         return R, J, dR, size
 
     @cached_property
     def _ties(self) -> Array:
         """Derivatives (n, n) of the constraints between elements."""
-        return np.kron(self.structure.ties, np.eye(2 * len(self.orders) - 1))
+        return np.kron(self.structure.compatibility, np.eye(2 * len(self.orders) - 1))
 
     def _tied(self, rows: Array) -> Array:
         """Return the constrained balance from the balances (n, ...) of the single elements."""

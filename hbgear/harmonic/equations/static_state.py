@@ -51,10 +51,10 @@ def static_states(compiled: Evaluator, Omega: float) -> Iterator[Static]:
     at_rest = _solve_static(compiled, Omega, -compiled.receptance.e[0].real)
     if at_rest.stable or at_rest.flat:
         yield at_rest
-    reach = _characteristic_lengths(compiled, Omega) * _load_signs(compiled, Omega)
+    lengths = _characteristic_lengths(compiled, Omega) * _load_signs(compiled, Omega)
     rejected = []
     for side in (1.5, -1.5, 4.0, -4.0):
-        state = _solve_static(compiled, Omega, side * reach)
+        state = _solve_static(compiled, Omega, side * lengths)
         if state.stable:
             yield state
         elif np.isfinite(state.d).all():
@@ -65,21 +65,22 @@ def static_states(compiled: Evaluator, Omega: float) -> Iterator[Static]:
 
 def _solve_static(compiled: Evaluator, Omega: float, d: Array) -> Static:
     """Return the static state from Newton's method that starts at displacements d (m,)."""
-    linear, sums, ties = compiled.linear(Omega), compiled.structure.force_sums, compiled.structure.ties
+    linear, structure = compiled.linear(Omega), compiled.structure
+    sums, compatibility = structure.force_sums, structure.compatibility
     e, Z, g = compiled.receptance.e[0].real, linear.Z[0].real, linear.g[0].real
     for _ in range(_MAX_STATIC_ITERATIONS):
         p, k = _mean_force_and_stiffness(compiled, d)
-        r = sums @ (Z @ d + g + p) + ties @ (d + e)
-        terms = np.abs(sums) @ (np.abs(Z) @ np.abs(d) + np.abs(g) + np.abs(p)) + np.abs(ties) @ np.abs(d + e)
+        r = sums @ (Z @ d + g + p) + compatibility @ (d + e)
+        terms = np.abs(sums) @ (np.abs(Z) @ np.abs(d) + np.abs(g) + np.abs(p)) + np.abs(compatibility) @ np.abs(d + e)
         if np.linalg.norm(r) <= _RESIDUAL_ROUNDING * np.linalg.norm(terms):
             break
-        step = np.linalg.lstsq(sums @ (Z + k) + ties, r, rcond=1e-12)[0]
+        step = np.linalg.lstsq(sums @ (Z + k) + compatibility, r, rcond=1e-12)[0]
         d = d - step
         if not np.isfinite(d).all() or (np.abs(step) <= _MIN_RELATIVE_STEP * np.abs(d)).all():
             break
     balanced = bool(np.isfinite(d).all() and np.linalg.norm(r) <= _EQUILIBRIUM_TOLERANCE * np.linalg.norm(terms))
-    reduced = sums[compiled.structure.independent]  # forces on dependent elements act through the constraints
-    A = Z[np.ix_(compiled.structure.independent, compiled.structure.independent)] + reduced @ k @ reduced.T
+    reduced = sums[structure.independent]  # forces on dependent elements act through the constraints
+    A = Z[np.ix_(structure.independent, structure.independent)] + reduced @ k @ reduced.T
     size = np.abs(Z).max(initial=0.0) + np.abs(k).max(initial=0.0)
     if not balanced:
         return Static(d, k, False, False)
@@ -105,11 +106,12 @@ _ZERO_STIFFNESS_RATIO = 1e-9
 
 def linear_response(compiled: Evaluator, Omega: float, static: Static) -> Array:
     """Return the harmonics (m, K + 1) of the linear response about a static state."""
-    linear, sums, ties = compiled.linear(Omega), compiled.structure.force_sums, compiled.structure.ties
+    linear, structure = compiled.linear(Omega), compiled.structure
+    sums, compatibility = structure.force_sums, structure.compatibility
     with np.errstate(all="ignore"):
         try:
-            A = sums @ (linear.Z + static.stiffness) + ties
-            b = linear.g @ sums.T + compiled.receptance.e @ ties.T
+            A = sums @ (linear.Z + static.stiffness) + compatibility
+            b = linear.g @ sums.T + compiled.receptance.e @ compatibility.T
             d = np.linalg.solve(A, -b[..., None])[..., 0].T
         except np.linalg.LinAlgError:
             d = np.zeros((compiled.m, len(linear.Z)), dtype=complex)
@@ -120,33 +122,34 @@ def linear_response(compiled: Evaluator, Omega: float, static: Static) -> Array:
 def _characteristic_lengths(compiled: Evaluator, Omega: float) -> Array:
     """Return lengths (m,) at which laws change: breakpoints, bends of smooth laws, or load displacements."""
     springs = compiled.structure.kr
-    reach = np.array(
+    lengths = np.array(
         [max([*map(abs, law.breakpoints), *(s.reach for s in law.sliders)], default=0.0) for law in compiled.laws]
     )
-    if reach.all():
-        return reach
+    if lengths.all():
+        return lengths
     law_stiffness = np.abs(
         np.diag(compiled.linear(Omega).Z[0].real + _mean_force_and_stiffness(compiled, np.zeros(compiled.m))[1])
     )
     stiffness = np.where(
         law_stiffness > _ZERO_STIFFNESS_RATIO * springs, law_stiffness, springs
     )  # change of a smooth law that is significant
-    for j in np.flatnonzero(reach == 0):
-        reach[j] = 0.0 if compiled.laws[j].breakpoints else bend(compiled.laws[j], float(stiffness[j]))
-    if not reach.all():
+    for j in np.flatnonzero(lengths == 0):
+        lengths[j] = 0.0 if compiled.laws[j].breakpoints else bend(compiled.laws[j], float(stiffness[j]))
+    if not lengths.all():
         reference = Static(np.zeros(compiled.m), np.diag(springs), True, True)
         amplitudes = np.abs(linear_response(compiled, Omega, reference)).sum(axis=1) + np.abs(
             _load_displacements(compiled, Omega)
         )
-        reach = np.where(reach == 0, amplitudes, reach)
-    return reach
+        lengths = np.where(lengths == 0, amplitudes, lengths)
+    return lengths
 
 
 def _load_displacements(compiled: Evaluator, Omega: float) -> Array:
     """Return the displacements (m,) under the constant load with linear reference springs as laws."""
-    linear, sums, ties = compiled.linear(Omega), compiled.structure.force_sums, compiled.structure.ties
-    b = sums @ linear.g[0].real + ties @ compiled.receptance.e[0].real
-    closed = sums @ (linear.Z[0].real + np.diag(compiled.structure.kr)) + ties
+    linear, structure = compiled.linear(Omega), compiled.structure
+    sums, compatibility = structure.force_sums, structure.compatibility
+    b = sums @ linear.g[0].real + compatibility @ compiled.receptance.e[0].real
+    closed = sums @ (linear.Z[0].real + np.diag(compiled.structure.kr)) + compatibility
     d: Array = np.linalg.lstsq(closed, -b, rcond=1e-12)[0]
     return d
 

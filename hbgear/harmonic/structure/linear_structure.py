@@ -112,10 +112,10 @@ def _is_diagonal(A: Array) -> bool:
 
 
 def _constraints(W: Array, kr: Array) -> tuple[np.ndarray, Array, Array]:
-    """Return ``independent``, ``force_sums`` and ``ties`` of `LinearStructure` for directions W (n, m)."""
+    """Return ``independent``, ``force_sums`` and ``compatibility`` of `LinearStructure` for directions W (n, m)."""
     m = W.shape[1]
     independent: list[int] = []
-    force_sums, ties = np.eye(m), np.zeros((m, m))
+    force_sums, compatibility = np.eye(m), np.zeros((m, m))
     stiffness = float(kr.max(initial=0.0)) or 1.0  # scales the constraints to the size of forces
     for j in range(m):
         B = np.linalg.lstsq(W[:, independent], W[:, j], rcond=None)[0] if independent else np.empty(0)
@@ -123,8 +123,8 @@ def _constraints(W: Array, kr: Array) -> tuple[np.ndarray, Array, Array]:
             independent.append(j)
             continue
         force_sums[independent, j], force_sums[j, j] = B, 0.0
-        ties[j, independent], ties[j, j] = -stiffness * B, stiffness
-    return np.array(independent), force_sums, ties
+        compatibility[j, independent], compatibility[j, j] = -stiffness * B, stiffness
+    return np.array(independent), force_sums, compatibility
 
 
 def _null_space(A: Array, threshold: float | None = None) -> Array:
@@ -153,9 +153,9 @@ class LinearStructure:
     ----------
     independent : ndarray
         Numbers of the elements with linearly independent directions.
-    force_sums, ties : ndarray, shape (m, m)
-        Matrices of the constrained balance ``force_sums @ (Z d + g + f) + ties @ (d + e)``; identity and zero if all
-        directions are independent.
+    force_sums, compatibility : ndarray, shape (m, m)
+        Matrices of the constrained balance ``force_sums @ (Z d + g + f) + compatibility @ (d + e)``: sums of forces and
+        conditions of compatible displacements; identity and zero if all directions are independent.
 
     Raises
     ------
@@ -179,7 +179,7 @@ class LinearStructure:
         self.W = system.W
         self.kr = references(system) if springs is None else springs
         self.c = np.array([e.damping for e in system.elements])
-        self.independent, self.force_sums, self.ties = _constraints(self.W, self.kr)
+        self.independent, self.force_sums, self.compatibility = _constraints(self.W, self.kr)
         self.free = self.free_left = np.zeros((self.n, 0))
         self.large = self.n > MODAL_LIMIT
         if self.large:

@@ -150,12 +150,13 @@ def modal_blocks(
         coupling = (
             np.abs(rotated[0].T[active, :, None] * rotated[1][active, None, :]) / np.abs(poles[active])[:, None, None]
         )
-        flex = T.T @ flexibility @ T
-        block = _blocks(coupling.max(axis=0) + np.abs(flex) > _BLOCK_COUPLING_TOLERANCE * largest)
+        residual = T.T @ flexibility @ T
+        block = _blocks(coupling.max(axis=0) + np.abs(residual) > _BLOCK_COUPLING_TOLERANCE * largest)
         owner = block[np.argmax(np.einsum("rii->ri", coupling), axis=1)]
         blocks = tuple(
             _block_of(poles, rotated[0][block == b], rotated[1][:, block == b], active[owner == b],
-                  groups[block == b], flex[np.ix_(block == b, block == b)]) for b in range(block.max(initial=-1) + 1)
+                      groups[block == b], residual[np.ix_(block == b, block == b)])
+            for b in range(block.max(initial=-1) + 1)
         )  # fmt: skip
         if sum(part.size for part in blocks) != whole_block.size or len(blocks) == 1:
             blocks = (whole_block,)

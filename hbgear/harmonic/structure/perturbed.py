@@ -129,7 +129,7 @@ class PerturbedStructure(LinearStructure):
     def __init__(self, expansion: FirstOrderExpansion, system: System) -> None:
         base = expansion.structure
         self._expansion, self.system, self.n, self.m = expansion, system, base.n, base.m
-        self.independent, self.force_sums, self.ties = base.independent, base.force_sums, base.ties
+        self.independent, self.force_sums, self.compatibility = base.independent, base.force_sums, base.compatibility
         self.large = self.disturbed = False
         self.W, self.kr, self.c = system.W, base.kr, np.array([e.damping for e in system.elements])
         self.M, self._scale = dense(system.M), base._scale

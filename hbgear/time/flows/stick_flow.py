@@ -136,12 +136,12 @@ class StickFlow:
             return np.full(0, np.inf)
         dense = solver.dense_output()
         t = np.linspace(solver.t_old, solver.t, SAMPLES_PER_STEP + 1)
-        sticks, slides = (state == STICKS)[:, None], state[:, None]
+        sticks, slip_direction = (state == STICKS)[:, None], state[:, None]
 
         def tests(instants: Array) -> Array:
             """Return holding forces while sticking, and relative speeds while slipping (R, T)."""
             Y = dense(instants)
-            values: Array = slides * (flow.gaps_over(instants, Y)[1][self.element] - self.speed[:, None])
+            values: Array = slip_direction * (flow.gaps_over(instants, Y)[1][self.element] - self.speed[:, None])
             if sticks.any():
                 forces = np.array([rates(state, x, y)[1][:, 0] for x, y in zip(instants, Y.T, strict=True)]).T
                 values = np.where(sticks, forces, values)

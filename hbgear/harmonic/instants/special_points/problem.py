@@ -75,7 +75,7 @@ class ExactSpecialPointProblem(SpecialPointProblem):
 
     problem: Any
     kind: str
-    known: tuple[KnownPoint, ...]
+    known_points: tuple[KnownPoint, ...]
     codimension_two: Mapping[str, Event]
 
     def __init__(
@@ -83,7 +83,7 @@ class ExactSpecialPointProblem(SpecialPointProblem):
     ) -> None:  # fmt: skip
         super().__init__(problem, parameter)
         events = (FoldEvent(), CuspEvent(), IsolaCentreEvent(), *resonances)
-        self._fixed(kind=kind, known=(point,), codimension_two={event.kind: event for event in events})
+        self._fixed(kind=kind, known_points=(point,), codimension_two={event.kind: event for event in events})
 
     @property
     def turning_kind(self) -> str:  # type: ignore[override]
@@ -120,7 +120,7 @@ class ExactSpecialPointProblem(SpecialPointProblem):
             goal = {**fixed, self.parameter: float(U[-1])}
             return sum(abs(value - start.parameters[name]) / self.unit_of(name, value) for name, value in goal.items())
 
-        point = min(self.known, key=distance)
+        point = min(self.known_points, key=distance)
         for name, value in fixed.items():
             if value != point.parameters[name]:
                 point = self._followed(point, name, value)
@@ -214,7 +214,7 @@ class ExactSpecialPointProblem(SpecialPointProblem):
             event = LocatedEvent(self.codimension_two[kind], 0.5, points[index], True, "in contact instants", error)
             marks.append(SpecialPointMark(index, event, (low, high)))
         problem = copy.copy(self)
-        problem._fixed(known=tuple(self._known_point(motion, first_point, name) for motion in curve.points))
+        problem._fixed(known_points=tuple(self._known_point(motion, first_point, name) for motion in curve.points))
         header = settings.header(*ends)
         return build_branch(problem, name, setup.fixed, points, marks, curve.status, curve.message, header)
 
