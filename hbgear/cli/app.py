@@ -454,7 +454,7 @@ def extend(
         int, typer.Option(min=2, help="Largest number of points to add.")
     ] = hb.StepControl().max_points,
 ) -> None:
-    """Continue a saved curve from its last point; the result is the whole curve.
+    """Continue the saved curves of a file from their last points; the result is the whole curves.
 
     By default to the end of its span; --from and --to, or --in for a curve in another parameter, set a longer span.
     Exit codes: as for hbgear trace.
@@ -474,9 +474,8 @@ def extend(
     with outputs() as out:
         out.branch(output, extended)
         out.figure(plot, lambda drawing: drawing.response(extended, measure, element_id, dimensionless=dimensionless))
-        print_text(
-            f"{file}: {len(branch)} points, {len(extended) - len(branch)} more; {message_of(extended, dimensionless)}"
-        )
+        count, more = (sum(len(curve) for curve in whole.curves) for whole in (branch, extended))
+        print_text(f"{file}: {count} points, {more - count} more; {message_of(extended, dimensionless)}")
         show_all_branches(extended, measure, element_id, dimensionless=dimensionless)
     raise typer.Exit(exit_code(extended))
 

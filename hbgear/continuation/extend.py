@@ -26,19 +26,20 @@ def extend(
 ) -> Branch:
     """Continue the trace of a branch from its last point, and return all points in one branch.
 
-    The numbering of special points continues, and jumps are searched on the whole branch. The trace does not detect
-    that it meets the existing points: a closed curve that was interrupted is traced once around, up to the point from
-    which it was extended.
+    The other curves of its span, `Branch.others`, are continued in the same way; a curve that is complete is kept. The
+    numbering of special points continues, and jumps are searched on the whole branch. The trace does not detect that
+    it meets the existing points: a closed curve that was interrupted is traced once around, up to the point from which
+    it was extended.
 
     Parameters
     ----------
     branch : Branch
-        Branch that ended early, or at the end of a span that was too short.
+        Branch that ended early, or at the end of a span that was too short, or with others that did.
     span : (float, float), optional
-        Span of the parameter. The default is the span of the branch.
+        Span of the parameter. The default is the span of each curve.
     problem : HarmonicBalance, ContinuationProblem or object with ``evaluate``, optional
         Problem of the new points, for example with more harmonics. The existing points are kept and padded with zeros.
-        The default is the problem of the branch.
+        The default is the problem of each curve.
     **options
         Arguments of `trace`, such as ``steps=StepControl(max_points=5000)``, which counts the new points only.
 
@@ -52,9 +53,10 @@ def extend(
     TypeError
         If the branch is not a `Branch`.
     ValueError
-        If the branch does not have its problem, has fewer than two points, is closed, or ends where it leaves the span.
+        If no curve can be extended. The first one does not have its problem, has fewer than two points, is closed, or
+        ends where it leaves the span.
     NoConvergence
-        If its last point is not a solution of the problem.
+        If the last point of a curve is not a solution of the problem.
 
     Examples
     --------
@@ -65,32 +67,51 @@ def extend(
     >>> len(part), whole.message
     (10, 'Omega = 1.6 reached')
     """
-    if problem is None:
-        problem = branch.continued_problem()
+    curves, complete = list(branch.curves), list[_CompleteCurve]()
+    for i, curve in enumerate(curves):
+        try:
+            curves[i] = _extended(curve, span, problem, options)
+        except _CompleteCurve as reason:
+            complete.append(reason)
+        if curves[i].status is Status.INTERRUPTED and curves[i] is not curve:
+            break
+    if len(complete) == len(curves):
+        raise ValueError(str(complete[0]))
+    return dataclasses.replace(curves[0], others=tuple(curves[1:]))
+
+
+class _CompleteCurve(Exception):
+    """There is nothing to trace beyond the last point of a curve, or no direction to trace in."""
+
+
+def _extended(
+    branch: Branch, span: tuple[float, float] | None, problem: AnyProblem | None, options: dict[str, Any]
+) -> Branch:
+    """Return one curve with its continuation; raise `_CompleteCurve` if it has none."""
+    problem = branch.continued_problem() if problem is None else problem
     if len(branch) < 2:
-        raise ValueError(f"the branch has {len(branch)} points; its direction needs two: trace it again")
-    if span is None:
-        span = branch.meta.get("trace", {}).get("span") or (float(branch.values[0]), float(branch.values[-1]))
-    first, last = span
-    _check_end(branch, float(first), float(last))
+        raise _CompleteCurve(f"the branch has {len(branch)} points; its direction needs two: trace it again")
+    traced = branch.meta.get("trace", {}).get("span") or (float(branch.values[0]), float(branch.values[-1]))
+    first, last = traced if span is None else sorted(map(float, span), reverse=traced[0] > traced[1])
+    _check_end(branch, first, last)
     X_previous, X_last = (_unknowns(problem, branch, i) for i in (-2, -1))
     direction = np.append(X_last - X_previous, branch.values[-1] - branch.values[-2])
     start = BranchStart(X_last, branch.parameters_at(-1), direction, bifurcating=False)
     options = {"stability": branch.multipliers is not None, **options}
-    new = trace(problem, branch.parameter, (float(first), float(last)), start, **options)
+    new = trace(problem, branch.parameter, (first, last), start, **options)
     extended = append_continuation(*padded_to_common_size(branch, new))
     extended = dataclasses.replace(extended, problem=most_resolved(branch, new))
     return dataclasses.replace(extended, jump_records=find_jumps(extended, options.get("settings", NewtonSettings())))
 
 
 def _check_end(branch: Branch, first: float, last: float) -> None:
-    """Raise ValueError if there is nothing to trace beyond the last point."""
+    """Raise `_CompleteCurve` if there is nothing to trace beyond the last point."""
     if branch.status in (Status.CLOSED, Status.MERGED, Status.UNBOUNDED):
-        raise ValueError(f"the branch is complete ({branch.message}); there is nothing to extend")
+        raise _CompleteCurve(f"the branch is complete ({branch.message}); there is nothing to extend")
     previous, end = branch.values[-2:]
     low, high = sorted((first, last))
     if not low <= end <= high or (end in (low, high) and not low <= 2 * end - previous <= high):
-        raise ValueError(
+        raise _CompleteCurve(
             f"the branch ends at {branch.parameter} = {end:.6g}, where it leaves the span; give a longer span"
         )
 

@@ -561,6 +561,18 @@ def test_extend_goes_on_as_far_as_the_curve_was_to_go(run):
     assert code == 2 and "this curve is in Omega" in err
 
 
+def test_extend_continues_every_curve_of_a_file(run):
+    problem, few = hb.HarmonicBalance(hb.SpurPair(), 8), hb.StepControl(max_points=30)
+    first, other = (hb.trace(problem, "Omega", span, steps=few, cover=False) for span in ((1.5, 0.6), (0.6, 1.5)))
+    dataclasses.replace(first, others=(other,)).save("both.npz")
+    code, out, err = run("extend", "both.npz", "-o", "whole.npz")
+    whole = hb.load("whole.npz")
+    assert (code, err) == (0, "") and all(curve.status.complete for curve in whole.curves)
+    count, more = len(first) + len(other), sum(map(len, whole.curves)) - len(first) - len(other)
+    assert f"both.npz: {count} points, {more} more" in " ".join(out.split())
+    assert [point.kind for point in whole.special] == [point.kind for point in whole.others[0].special[::-1]]
+
+
 def test_trace_starts_at_a_point_of_a_saved_curve(run, saved):
     fold = hb.load(saved)["LP1"]
     start = ["--start", f"{saved}:LP1", "--harmonics", 5]

@@ -1,6 +1,7 @@
 """A span is covered by one call, or it is said which part of it no curve was found in."""
 
 import csv
+import dataclasses
 import json
 from types import SimpleNamespace
 
@@ -308,3 +309,34 @@ def test_extended_curves_keep_the_other_branches():
     part = hb.trace(Broken(), "p", (0.0, 3.0))
     whole = hb.extend(part, (-1.0, 3.0))
     assert whole.others == part.others and len(whole.others) == 1 and whole.values[-1] == -1.0
+
+
+def test_every_curve_of_a_span_is_extended():
+    """Both branches of x^2 = (p - 1)(p - 2) end early: each goes on to the other side of its fold, x -> -x."""
+    few = hb.StepControl(max_points=8)
+    first, other = (hb.trace(Broken(), "p", span, steps=few, cover=False) for span in ((0.0, 3.0), (3.0, 0.0)))
+    both = dataclasses.replace(first, others=(other,))
+    whole = hb.extend(both)
+    for curve, part, end in zip(whole.curves, both.curves, (0.0, 3.0), strict=True):
+        assert part.status is Status.MAX_POINTS and curve.status is Status.LEFT_SPAN
+        assert np.array_equal(curve.X[: len(part)], part.X) and len(curve["LP1"].X) == 1
+        assert curve.values[-1] == end and curve.X[-1] == pytest.approx(-curve.X[0], rel=1e-9)
+    assert whole["LP1"].parameters["p"] == pytest.approx(1.0) and whole.others[0]["LP1"].parameters[
+        "p"
+    ] == pytest.approx(2.0)
+    assert hb.extend(dataclasses.replace(whole, others=(other,))).others[0].status is Status.LEFT_SPAN
+    with pytest.raises(ValueError, match=r"the branch ends at p = 0, where it leaves the span"):
+        hb.extend(whole)
+    longer = hb.extend(whole, (-1.0, 4.0))
+    assert [curve.values[-1] for curve in longer.curves] == [-1.0, 4.0]
+
+
+def test_ctrl_c_in_one_curve_keeps_the_next_ones_as_they_are():
+    few = hb.StepControl(max_points=8)
+    first, other = (hb.trace(Broken(), "p", span, steps=few, cover=False) for span in ((0.0, 3.0), (3.0, 0.0)))
+
+    def stop(progress):
+        raise KeyboardInterrupt
+
+    whole = hb.extend(dataclasses.replace(first, others=(other,)), progress=stop)
+    assert whole.status is Status.INTERRUPTED and whole.others == (other,)
