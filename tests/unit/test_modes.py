@@ -198,3 +198,20 @@ def test_residual_flexibility_of_modes_up_to_a_frequency():
     expected = [np.diag(compiled.stability_modes(one).flexibility) for one in frequencies.tolist()]
     np.testing.assert_allclose(compiled.flexibility_above(frequencies), expected, rtol=1e-12, atol=1e-15)
     assert compiled.flexibility_above(frequencies)[-1] == 0 < compiled.flexibility_above(frequencies)[-2]
+
+
+@pytest.mark.parametrize("laws", [(0.5, 0.0, 0.0), (0.0, 0.5, 0.0), (0.5, 0.5, 0.3)])
+def test_elements_of_one_law_on_different_springs_are_not_identical(laws):
+    """Uncoupled oscillators at rest: mu = exp(s T) of each, also where two elements have one law without stiffness.
+
+    Their slopes are relative to different reference springs, so that mean and difference couple.
+    """
+    stiffness, damping, Omega = np.array([1.0, 2.0, 3.3]), np.array([0.1, 0.2, 0.35]), 0.99
+    elements = [Element(w, Cubic(k)) for w, k in zip(np.eye(3), laws, strict=True)]
+    problem = HarmonicBalance(
+        System(np.eye(3), np.diag(damping), np.diag(stiffness), elements, Load(cosine={1: [0.1, 0.0, 0.0]})), 3
+    )
+    found = floquet_multipliers(problem.compiled({}), np.zeros((1, problem.size)), np.array([Omega]))
+    roots = -damping / 2 + 1j * np.sqrt(stiffness - damping**2 / 4)
+    mu = np.exp(2 * np.pi / Omega * np.append(roots, roots.conj()))
+    same(found, mu[None])

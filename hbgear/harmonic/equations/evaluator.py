@@ -203,7 +203,8 @@ class Evaluator:
     def _build_stability_modes(self, reach: float, lumped: bool) -> ModalBlocks:
         modes = self.structure.modes
         assert modes is not None
-        kinds = [(element.law, element.damping) for element in self.system.elements]
+        springs = [f"{k:.9e}" for k in self.structure.kr]  # equal up to rounding: slopes are relative to them
+        kinds = [(element.law, element.damping, k) for element, k in zip(self.system.elements, springs, strict=True)]
         groups = np.array([kinds.index(kind) for kind in kinds])
         return modal_blocks(modes.poles, modes.output, modes.input, groups, reach, lumped)
 
