@@ -32,7 +32,7 @@ def absorber(eps: float = 0.1) -> hb.System:
 @pytest.mark.slow
 def test_neimark_sacker_point_of_a_limit_cycle_has_a_pair_of_modulus_one():
     second = hb.analysis.hopf_points(absorber(), "eps", (0.0, 0.3))[1]
-    cycles = hb.analysis.limit_cycles(absorber(), second, (0.0, 0.3), harmonics=9, accuracy=None)
+    cycles = hb.analysis.limit_cycles(absorber(), second, (0.0, 0.3), harmonics=13)
     assert [point.label for point in cycles.special] == ["NS1"]
     point = cycles["NS1"]
     after = int(point.index) + 1
@@ -71,6 +71,30 @@ def test_neimark_sacker_point_of_a_limit_cycle_has_a_pair_of_modulus_one():
     pair = mu[np.abs(mu.imag) > 0.1]
     assert len(pair) == 2 and np.abs(np.abs(pair) - 1).max() < 1e-6
     assert pytest.approx(2 * np.pi / point.parameters["Omega"], abs=1e-8) == T
+    ends = [after - 2, after]
+    slope = np.diff(np.log(np.abs(cycles.multipliers[ends]).max(axis=1)))[0] / np.diff(cycles.values[ends])[0]
+    assert np.log(np.abs(pair).max()) / abs(slope) < point.error < 1e-8  # mostly that of the multipliers, 1e-10
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("rate", [1e-1, 1e-3])
+@pytest.mark.parametrize("stiffness", [1.3, 5.0])
+def test_the_stated_error_of_a_slow_passage_contains_that_of_the_multipliers(rate, stiffness):
+    """|mu| = exp(-c T / 2) of an oscillator at rest next to a limit cycle, with c = rate (p - 0.3): zero at p = 0.3.
+
+    The slower the passage, the more the rounding of the multipliers moves it.
+    """
+
+    @hb.mechanics.model
+    def passing(p: float = 0.5) -> hb.System:
+        system = beside().system()
+        C, K = np.diag([0.0, rate * (p - 0.3), 0.3]), np.diag([1.0, stiffness, 3.3])
+        return hb.System(system.M, C, K, system.elements)
+
+    motion = hb.time.integrate(passing(), [2.0, 0.0, 0.0, 0.0, 0.0, 0.0], 20, 1.0, tolerance=1e-9, samples=256)
+    cycles = hb.analysis.limit_cycles(passing(), motion, (0.6, 0.05), parameter="p", harmonics=9)
+    (point,) = cycles.special
+    assert point.kind == "NS" and abs(point.parameters["p"] - 0.3) < point.error < 1e-10 / rate
 
 
 @hb.mechanics.model

@@ -158,7 +158,9 @@ def estimate_error(segment: Segment, event: LocatedEvent, accuracy: float, work:
             break
     located = event.located and _deviation(segment, event) <= MAX_MULTIPLIER_DEVIATION
     unknown = failures or (event.located and not located)
-    return replace(event, error=math.inf if unknown else max(error, PARAMETER_ROUNDING * unit), located=located)
+    location = event.refined or RefinedLocation(segment.problem, event.point)
+    smallest = max(PARAMETER_ROUNDING * unit, event.event.location_error(segment, location) if located else 0.0)
+    return replace(event, error=math.inf if unknown else max(error, smallest), located=located)
 
 
 def _deviation(segment: Segment, event: LocatedEvent) -> float:

@@ -302,6 +302,23 @@ class Event:
         """
         return 0.0
 
+    def location_error(self, segment: Segment, location: RefinedLocation) -> float:
+        """Return the error of the parameter value from that of the test function, in addition to the truncation.
+
+        Parameters
+        ----------
+        segment : Segment
+            Segment on which the point was found.
+        location : RefinedLocation
+            The point, with the problem that located it.
+
+        Returns
+        -------
+        float
+            The error; by default 0, for test functions that are known to rounding.
+        """
+        return 0.0
+
     def corner(
         self, problem: Any, parameter: str, X: Array, parameters: Mapping[str, float]
     ) -> MinimallyAugmentedProblem | None:

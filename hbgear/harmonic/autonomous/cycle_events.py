@@ -3,7 +3,7 @@
 PD  det(Phi + 1) = 0 without the multiplier of the arbitrary phase.
 NS  one of the moduli in descending order, which are continuous, passes one, and the multiplier is one of a pair.
 
-Their accuracy is that of the multipliers.
+Their accuracy is that of the multipliers, which is estimated with shorter steps.
 """
 
 from __future__ import annotations
@@ -17,9 +17,10 @@ import numpy as np
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.continuation.augmented.minimally_augmented import MinimallyAugmentedProblem
 from hbgear.continuation.curve.segment import CurvePoint, Segment
-from hbgear.continuation.events.event import Event, LocatedEvent, locate_root
+from hbgear.continuation.events.event import Event, LocatedEvent, RefinedLocation, locate_root
 from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.harmonic.bifurcations.multiplier_events import NeimarkSackerEvent, PeriodDoublingEvent
+from hbgear.harmonic.multipliers.multiplier_error import SAFETY
 
 _COMPLEX = 1e-8
 """Imaginary part of a multiplier, relative to its modulus, above which it belongs to a pair."""
@@ -27,6 +28,11 @@ _COMPLEX = 1e-8
 
 _SAME_ROOT = 1e-6
 """Distance of two points, as a fraction of the segment, up to which they are one point: a pair has two moduli."""
+
+
+_SHORT_STEPS = 0.3, 0.25
+"""Longest steps of the variational equation, see `floquet_multipliers`, with which multipliers are compared. Their
+rounding, about 1e-13, is a hundredth of that with the default steps, which are the longest of sufficient order."""
 
 
 class _CycleEvent(Event):
@@ -73,6 +79,18 @@ class _CycleEvent(Event):
             if is_new and self.occurs(multipliers(one.point)):
                 located.append(one)
         return located
+
+    def location_error(self, segment: Segment, location: RefinedLocation) -> float:
+        """Return the error of the multipliers, estimated with shorter steps, over the slope of the function of them."""
+        point, problem = location.point, location.problem
+        parameters = {**segment.parameters, segment.name: point.value}
+        k = int(np.abs(self.functions(problem.multipliers(point.X, **parameters))).argmin())
+        values = [self.functions(problem.multipliers(point.X, 6, width, **parameters))[k] for width in _SHORT_STEPS]
+        distances = [
+            abs((end.value - point.value) / self.functions(end.observed["multipliers"])[k])
+            for end in (segment.a, segment.b)
+        ]
+        return float(SAFETY * np.abs(values).max() * max(distances))
 
     def equations(self, problem: Any, parameter: str, point: Any) -> MinimallyAugmentedProblem | None:
         return None

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from hbgear.common.argument_checks import checked_arguments
-from hbgear.common.arrays import Array
+from hbgear.common.arrays import Array, ComplexArray
 from hbgear.continuation.augmented.minimally_augmented import AugmentedResidual, Borders, MinimallyAugmentedProblem
 from hbgear.continuation.follow import trace_to_both_ends
 from hbgear.continuation.numerics.linear import norm
@@ -107,6 +107,13 @@ class LimitCycleProblem(MinimallyAugmentedProblem):
         model, balance = self.problem.model, self.problem.discretization.describe(None)
         described = describe(model.model if isinstance(model, Unforced) else model)
         return {"model": described, "balance": balance, "curve": {"of": type(self).__name__, "in": self.parameter}}
+
+    def multipliers(
+        self, X: Array, points: int | None = None, width: float | None = None, **parameters: float
+    ) -> ComplexArray:
+        """Return the multipliers of unknowns (X, Omega) without the one of the arbitrary phase, largest first."""
+        X, unknown = self.solution_of(X)
+        return without_trivial(self.problem.multipliers(X, points, width, **{**parameters, **unknown}))
 
     def observe(self, X: Array, stability: bool = True, **parameters: float) -> dict[str, Any]:
         """Return regime, truncation error and the multipliers without the one of the arbitrary phase."""
