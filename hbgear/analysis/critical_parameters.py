@@ -174,7 +174,7 @@ def critical_parameter(
     """
     problem = problem_of(model, harmonics)
     check_parameter(problem, parameter)
-    ending = Termination()
+    ending = Termination(advice="points found so far are kept; start the search again for all of them")
     cusps: list[FoldCusp] = []
     try:
         for cusp in find_cusps(problem, parameter, frequencies, progress):

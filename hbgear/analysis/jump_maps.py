@@ -368,7 +368,7 @@ def jump_map(
         raise ValueError("jump_map: known is a map of another parameter, span or range of Omega; give known=None")
     folds = [(fold, _arms(problem, fold)) for fold in (known.folds if known is not None else ())]
     curves = {curve.fixed[parameter]: curve for curve in (known.curves if known is not None else ())}
-    ending, value, gap, unconverged = Termination(), low, "", list[str]()
+    ending, value, gap, unconverged = Termination(advice=_ADVICE), low, "", list[str]()
     try:
         for value in _seed_values(low, high, seeds):
             report_progress(progress, f"response curve at {parameter} = {value:.5g}")
@@ -405,6 +405,10 @@ def jump_map(
         dict(problem.model.labels), ending.status, message, tuple(curves.values()),
         frequencies,
     )  # fmt: skip
+
+
+_ADVICE = "complete curves are kept; compute the others with hb.jump_map(..., known=this map)"
+"""Recommended action for a map that is not complete."""
 
 
 def _asymptotes_of(curve: Branch) -> list[tuple[float, int]]:

@@ -182,7 +182,7 @@ def redesign(
     names, own, low, high = _bounds(problem, over, within or {})
     spread = _spread(problem, scatter or {}, sigmas, tolerances, share)
     search = Search(problem, goal, names, own, span or problem.model.default_span, spread, progress)
-    ending, curve = Termination(), None
+    ending, curve = Termination(advice="the best design so far is kept; start again for the whole search"), None
     u = np.zeros(len(names))
     try:
         curve = _curve_without_jumps(search, u)

@@ -206,7 +206,7 @@ def basins(
     multiples = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     motions = integrator.start(origin + multiples @ directions)
     search = _Search(integrator, settling, index, integrator.modal(np.vstack([origin, directions])))
-    label, ending = np.full(count, -1), Termination(message="all starts were integrated")
+    label, ending = np.full(count, -1), Termination(message="all starts were integrated", advice=_ADVICE)
     try:
         _follow(search, motions, label, progress)
     except (Exception, KeyboardInterrupt) as error:
@@ -227,6 +227,10 @@ def basins(
         ending.message_with_advice,
         name,
     )
+
+
+_ADVICE = "the settled motions are kept; allow more time, or use a coarser grid: shape="
+"""Recommended action for basins that are not complete."""
 
 
 def _element(model: Model, system: System, element: int | str | None, plane: ArrayLike | None) -> int | None:

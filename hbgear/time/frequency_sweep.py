@@ -119,6 +119,10 @@ def _extremum(d: Array, v: Array, h: float, sign: int) -> Array:
 # ---- sweeps
 
 
+_ADVICE = "motions up to there are kept; sweep the other values from the last state: start=sweep.states[-1]"
+"""Recommended action for a sweep that is not complete."""
+
+
 class _MotionDiverges(ValueError):
     """The motion grew beyond the range of floating-point numbers."""
 
@@ -431,7 +435,7 @@ class _Sweeper:
         state = np.zeros(2 * system.n) if self.start is None else np.asarray(self.start, dtype=float)
         if state.shape != (2 * system.n,) or not np.all(np.isfinite(state)):
             raise ValueError(f"start = {self.start}: give a state (q, q') of {2 * system.n} finite numbers")
-        ending = Termination(message=f"{self.parameter} = {self.values[-1]:.6g} reached")
+        ending = Termination(message=f"{self.parameter} = {self.values[-1]:.6g} reached", advice=_ADVICE)
         try:
             for i, value in enumerate(self.values):
                 before = state

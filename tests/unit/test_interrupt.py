@@ -675,3 +675,33 @@ def test_ctrl_c_ends_a_study_and_leaves_no_figure_of_half_a_curve(tmp_path, monk
         study.make("studies.some.one", tmp_path / "out")
     assert raised.value.code == 3 and not os.listdir(tmp_path / "out")
     assert signal.getsignal(signal.SIGINT) is before
+
+
+@pytest.mark.slow
+def test_the_advice_after_ctrl_c_is_possible():
+    """A map, a sweep, basins and a search are not continued by `extend`, which is for curves."""
+    after = 3
+
+    def stop(progress):
+        calls.append(progress)
+        if len(calls) == after:
+            raise KeyboardInterrupt
+
+    model = hb.Duffing(zeta=0.2)
+    runs = {
+        "known=": lambda: hb.jump_map(
+            hb.Duffing(), "zeta", (0.05, 0.06), frequencies=(0.9, 1.4), harmonics=1, seeds=2, progress=stop
+        ),
+        "start=": lambda: hb.time.sweep(model, [0.5, 0.6, 0.7, 0.8], "up", progress=stop),
+        "frequencies=": lambda: hb.trace_all(
+            hb.HarmonicBalance(model, 3), (0.8, 1.2), frequencies=[1.0], guesses=2, progress=stop
+        ),
+    }
+    for option, run in runs.items():
+        calls = []
+        part = run()
+        assert part.status is Status.INTERRUPTED and "interrupted" in part.message
+        assert option in part.message and "extend" not in part.message
+    found = hb.time.sweep(model, [0.5, 0.6], "up", progress=None)
+    rest = hb.time.sweep(model, [0.7, 0.8], "up", start=found.states[-1])
+    assert rest.status.complete

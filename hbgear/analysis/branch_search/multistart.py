@@ -161,7 +161,7 @@ def trace_all(
     counted("guesses", guesses, 100_000, least=0)
     search_frequencies = _search_frequencies(frequencies, low, high)
     search = _Search(problem, (float(span[0]), float(span[1])), steps, stability, progress)
-    ending, stage = Termination(), "on the branches from the linear response"
+    ending, stage = Termination(advice=_ADVICE), "on the branches from the linear response"
     try:
         search.trace_linear_responses()
         search.trace_motions(motions)
@@ -180,6 +180,10 @@ def trace_all(
             raise
         ending.record_error(error, stage)
     return BranchSearch(tuple(search.branches), tuple(search.log), ending.status, ending.message_with_advice)
+
+
+_ADVICE = "branches found so far are kept; search the other frequencies with frequencies=[...]"
+"""Recommended action for a search that is not complete."""
 
 
 def _search_frequencies(frequencies: Sequence[float] | int, low: float, high: float) -> list[float]:

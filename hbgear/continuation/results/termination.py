@@ -61,11 +61,14 @@ class Termination:
         The same in one sentence.
     error : BaseException or None
         Error or KeyboardInterrupt that ended the computation.
+    advice : str
+        Recommended action of the user if the computation is not complete; by default that of the status of a trace.
     """
 
     status: Status = Status.REACHED_END
     message: str = ""
     error: BaseException | None = None
+    advice: str = ""
 
     def record_error(self, error: BaseException, location: str) -> None:
         """Record Ctrl-C or an error that ended the computation or a part of it. Only the first one is kept.
@@ -113,8 +116,8 @@ class Termination:
 
     @property
     def message_with_advice(self) -> str:
-        """The message, followed by the advice of the status if the computation is not complete."""
-        return self.message if self.status.complete else f"{self.message}. {self.status.advice}"
+        """The message, followed by the advice if the computation is not complete."""
+        return self.message if self.status.complete else f"{self.message}. {self.advice or self.status.advice}"
 
 
 def error_text(error: BaseException) -> str:

@@ -211,7 +211,7 @@ def fit(
         )
     span = _span(problem.model, data) if span is None else span
     search = FitSearch(problem, data, names, span, progress)
-    ending, estimate = Termination(), None
+    ending, estimate = Termination(advice="the best fit so far is kept; start again for the whole search"), None
     try:
         followed = search.run(nominal, low, high, starts, seed)
         search.restore(nominal, low, high)
