@@ -130,7 +130,7 @@ def follow(
     if equations is None:
         raise ValueError(
             f"{special.label} ({special.meaning.partition(': ')[0]}) cannot be followed in a second parameter: no "
-            "equations are known for it; choose LP, PD, NS, GR, SL, PK or an event of your own"
+            f"equations are known for it{_ALTERNATIVES if special.kind in FOLLOWED else _CHOICE}"
         )
     try:
         curve = trace_to_both_ends(equations, parameter, span, start, **options)
@@ -144,6 +144,14 @@ def follow(
     if isinstance(equations, BranchPointProblem):
         equations.require_solutions(curve)
     return curve
+
+
+FOLLOWED = ("LP", "PD", "NS", "GR", "SL", "PK")
+"""Kinds of points of response curves that are followed in a second parameter."""
+
+_CHOICE = f"; choose {', '.join(FOLLOWED)} or an event of your own"
+_ALTERNATIVES = " on this curve; trace the curve again at other values of the second parameter"
+"""Advice for a point of a kind that cannot be followed, and for a curve on which it cannot."""
 
 
 def trace_to_both_ends(

@@ -1,5 +1,6 @@
 """Neimark-Sacker points of limit cycles against multipliers by integration."""
 
+import dataclasses
 from dataclasses import dataclass
 from functools import partial
 
@@ -156,6 +157,27 @@ def test_a_motion_leads_to_the_cycles_of_the_hopf_point():
     point = cycles[int(np.abs(cycles.values).argmin())]
     assert point.parameters == {"eps": 0.2, "damping": 0.0, "Omega": pytest.approx(0.99750885636, abs=1e-9)}
     assert cycles.values[[0, -1]].tolist() == [-0.1, 0.1]
+
+
+def test_what_limit_cycles_do_not_have_is_stated():
+    """Branches of cycles and equations of their points: the advice is another method, not a point of the same kind."""
+    motion = hb.time.integrate(oscillator(), [0.5, 0.0], 12, 1.0, tolerance=1e-8)
+    curve = hb.analysis.limit_cycles(oscillator(), motion, (-0.1, 0.1), parameter="damping", harmonics=5, accuracy=None)
+    fields = {field.name: getattr(curve[3], field.name) for field in dataclasses.fields(hb.Point)}
+    for event in (CycleDoublingEvent(), CycleTorusEvent()):
+        given = {"label": f"{event.kind}1", "kind": event.kind, "meaning": event.meaning, "event": event, "index": 3}
+        marked = dataclasses.replace(curve, special=(hb.SpecialPoint(**{**fields, **given}),))
+        with pytest.raises(
+            ValueError, match=f"{event.kind}1 is a {event.name}, from which no branch .*hb.time.integrate"
+        ):
+            hb.switch(marked, f"{event.kind}1")
+        with pytest.raises(ValueError, match="no equations are known for it on this curve; trace the curve again"):
+            hb.follow(marked, f"{event.kind}1", "eps", (0.1, 0.3))
+    with pytest.raises(ValueError, match="limit cycles have no excitation"):
+        hb.time.validate(curve)
+    backbone = hb.analysis.backbone(hb.Duffing(), span=(0.01, 0.1), harmonics=3)
+    with pytest.raises(ValueError, match="a backbone has no excitation"):
+        hb.time.validate(backbone)
 
 
 def test_motions_that_are_no_limit_cycles_are_refused(hunting):

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -19,6 +19,8 @@ from hbgear.continuation.augmented.minimally_augmented import MinimallyAugmented
 from hbgear.continuation.curve.segment import CurvePoint, Segment
 from hbgear.continuation.events.event import Event, LocatedEvent, RefinedLocation, locate_root
 from hbgear.continuation.problem.base import ContinuationProblem
+from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.results.point import SpecialPoint
 from hbgear.harmonic.bifurcations.multiplier_events import NeimarkSackerEvent, PeriodDoublingEvent
 from hbgear.harmonic.multipliers.multiplier_error import SAFETY
 
@@ -36,7 +38,12 @@ rounding, about 1e-13, is a hundredth of that with the default steps, which are 
 
 
 class _CycleEvent(Event):
-    """Zero of functions of the multipliers of a limit cycle, without the one of the arbitrary phase."""
+    """Zero of functions of the multipliers of a limit cycle, without the one of the arbitrary phase.
+
+    name : kind of point in messages. advice : continuation of the advice to integrate a motion beyond it.
+    """
+
+    name, advice = "", ""
 
     def __init__(self) -> None:
         pass
@@ -95,11 +102,19 @@ class _CycleEvent(Event):
     def equations(self, problem: Any, parameter: str, point: Any) -> MinimallyAugmentedProblem | None:
         return None
 
+    def branch_direction(self, branch: Branch, point: SpecialPoint, side: int) -> NoReturn:
+        """Raise ValueError: the motions that branch off are not traced from the point."""
+        raise ValueError(
+            f"{point.label} is a {self.name}, from which no branch is traced; integrate a motion beyond it with "
+            f"hb.time.integrate{self.advice}"
+        )
+
 
 class CycleDoublingEvent(_CycleEvent):
     """Period doubling of a limit cycle."""
 
     kind, meaning, marker = PeriodDoublingEvent.kind, PeriodDoublingEvent.meaning, PeriodDoublingEvent.marker
+    name, advice = "period doubling of a limit cycle", ", and start hb.analysis.limit_cycles from it"
 
     def functions(self, multipliers: ComplexArray) -> Array:
         """Return the product of 1 + mu, each factor at most of order one."""
@@ -110,6 +125,7 @@ class CycleTorusEvent(_CycleEvent):
     """Neimark-Sacker point of a limit cycle: a pair of complex multipliers passes the unit circle."""
 
     kind, meaning, marker = NeimarkSackerEvent.kind, NeimarkSackerEvent.meaning, NeimarkSackerEvent.marker
+    name = "Neimark-Sacker point of a limit cycle"
 
     def functions(self, multipliers: ComplexArray) -> Array:
         """Return log|mu| in descending order."""

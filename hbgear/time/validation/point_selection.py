@@ -12,6 +12,8 @@ from hbgear._version import __version__
 from hbgear.common.ranges import counted
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import SpecialPoint
+from hbgear.harmonic.autonomous.backbone import BackboneProblem
+from hbgear.harmonic.autonomous.limit_cycle import LimitCycleProblem
 from hbgear.harmonic.equations import layout as measures
 from hbgear.harmonic.models.model_registry import is_description, rebuild_problem
 from hbgear.mechanics.models import describe, differing_fields
@@ -59,10 +61,7 @@ def problem_for(branch: Branch, problem: Any = None) -> Any:
             "only curves of periodic motions with harmonics and a frequency can be validated; give such a curve"
         )
     if "Omega" in branch.tracked:
-        raise ValueError(
-            "a curve of special points has singular motions and cannot be validated; validate response "
-            "curves traced through them instead"
-        )
+        raise ValueError(_UNFORCED.get(branch.meta.get("curve", {}).get("of", ""), _SINGULAR))
     version = branch.meta.get("hbgear")
     if version not in (None, __version__):
         text = f"the curve was traced with hbgear {version}, this is {__version__}; differences may result"
@@ -82,6 +81,19 @@ def problem_for(branch: Branch, problem: Any = None) -> Any:
     for name in branch.parameters_at(0):
         problem.check_parameter(name)
     return problem
+
+
+_SINGULAR = (
+    "a curve of special points has singular motions and cannot be validated; validate response curves traced through "
+    "them instead"
+)
+_UNFORCED = {
+    BackboneProblem.__name__: "a backbone has no excitation, and a validation integrates over periods of excitation; "
+    "validate a response curve of the model instead",
+    LimitCycleProblem.__name__: "limit cycles have no excitation, and a validation integrates over periods of "
+    "excitation; compare them with a motion of hb.time.integrate that has settled",
+}
+"""Reasons why curves with an unknown Omega are not validated, by the class of their equations."""
 
 
 def same_model(stored: Any, model: Any) -> None:
