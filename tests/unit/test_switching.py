@@ -7,6 +7,7 @@ import pytest
 
 from hbgear import Cubic, Duffing, Element, HarmonicBalance, Load, SpurPair, StepControl, System, trace
 from hbgear.continuation.switch import switch
+from hbgear.gears import DoubleHelicalPair
 
 PARAMETRIC = SpurPair(F_m=0.1, eps=(0.3,), e=())
 
@@ -136,3 +137,19 @@ def test_nothing_leaves_at_a_fold():
 def test_a_branch_without_its_problem(curve):
     with pytest.raises(ValueError, match="needs the problem of the branch, which is unknown; load the branch with"):
         switch(replace(curve, problem=None, meta={}), "PD1")
+
+
+@pytest.mark.slow
+def test_a_doubled_branch_has_no_unexplained_change_of_stability_at_its_ends():
+    """Next to the period doublings the motion is linear, and the curve is a family at one value, without a stability.
+
+    A branch that leaves with a multiplier far from +1, by truncation, begins at a special point as well.
+    """
+    curve = trace(HarmonicBalance(DoubleHelicalPair(zeta=0.05), 12), "Omega", (0.36, 0.28))
+    for label in ("PD1", "PD2"):
+        doubled = switch(curve, label)
+        assert np.ptp(doubled.values[:4]) < 1e-12 and not any("without a special point" in x for x in doubled.warnings)
+        away = replace(doubled, multipliers=doubled.multipliers.copy())
+        away.multipliers[0] *= 1.1
+        assert not any("without a special point" in x for x in away.warnings)
+    assert doubled.stable[doubled["EP1"].index - 1] and not doubled.stable.all()

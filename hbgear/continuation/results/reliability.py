@@ -15,7 +15,13 @@ from numpy.typing import NDArray
 
 from hbgear.continuation.results.branch_data import BranchData
 from hbgear.continuation.results.point import SpecialPoint
-from hbgear.continuation.results.stability import STABILITY_CHANGING_KINDS, STABLE, UNSTABLE
+from hbgear.continuation.results.stability import (
+    STABILITY_CHANGING_KINDS,
+    STABILITY_TOLERANCE,
+    STABLE,
+    UNDECIDED,
+    UNSTABLE,
+)
 
 MAX_RELATIVE_ERROR = 1e-2
 """Relative error of a solution above which a branch is not accurate enough for engineering use (1 percent)."""
@@ -104,17 +110,35 @@ def _contradictions(branch: BranchData) -> list[str]:
             "EP",
         ):  # an end point lies on both branches, and has their multipliers
             kinds.setdefault(point.index, []).append(point.kind)
-    if np.abs(branch.multipliers[0] - 1.0).min(initial=math.inf) < START_DISTANCE:
+    at_limit = np.abs(branch.multipliers[0] - 1.0).min(initial=math.inf) < START_DISTANCE
+    if at_limit or branch.meta["trace"].get("bifurcating"):
         kinds.setdefault(0, [])  # a branch begins at a special point of another one
-    codes, name = branch.stability_codes, branch.parameter
+    name, codes = branch.parameter, np.where(_in_family(branch), UNDECIDED, branch.stability_codes)
     out = [
-        f"stability changes between {name} = {branch.values[a]:.9g} and {branch.values[b]:.9g} without a special point"
+        f"stability changes between {name} = {branch.values[a]:.9g} and {name} = {branch.values[b]:.9g} without a "
+        "special point"
         for a, b in unexplained_changes(codes, kinds)
         if not any(_is_displaced_between(branch, point, a, b) for point in branch.special)
     ]
     folds = {point.index: point.label for point in branch.special if point.kind == "LP"}
     stable_folds = [folds[i] for i in stable_on_both_sides(codes, kinds)]
     return out + ([f"both sides of {', '.join(stable_folds)} are stable"] if stable_folds else [])
+
+
+_SAME_VALUE = 1e-12
+"""Relative difference of two values of the parameter that is rounding error."""
+
+
+def _in_family(branch: BranchData) -> NDArray[np.bool_]:
+    """Return which points belong to a family at one value of the parameter, with a multiplier +1.
+
+    Motions of twice the period in a linear regime have any amplitude at the period doubling. They are neither stable
+    nor unstable, and the curve enters the family at a corner.
+    """
+    same = np.abs(np.diff(branch.values)) <= _SAME_VALUE * np.abs(branch.values[1:])
+    is_vertical = np.append(same, False) | np.append(False, same)
+    multipliers = np.zeros((len(branch), 0)) if branch.multipliers is None else branch.multipliers
+    return is_vertical & (np.abs(multipliers - 1.0).min(axis=1, initial=math.inf) < STABILITY_TOLERANCE)
 
 
 def _is_displaced_between(branch: BranchData, point: SpecialPoint, a: int, b: int) -> bool:

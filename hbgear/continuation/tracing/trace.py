@@ -423,6 +423,7 @@ class Tracer:
         """Return the branch of the points so far, without jumps."""
         state, setup = self.state, self.setup
         header = setup.settings.header(setup.span.start, setup.span.end)
+        header |= {"bifurcating": True} if setup.switched_from is not None else {}
         status, message = state.termination.status, state.termination.message_with_advice
         points, marks = points_and_marks(state)
         branch = build_branch(state.largest, setup.name, setup.fixed, points, marks, status, message, header)
