@@ -244,7 +244,7 @@ def responses(
         if (is_new if speeds is None else speeds) and scaled_axes(ax, abscissa.above) and is_new:
             heighten(ax)
         if legend:
-            add_legend(ax, outside=is_new)
+            add_legend(ax, outside=is_new, widths=True)
     return ax
 
 

@@ -79,7 +79,7 @@ def _draw_history(ax: Axes, point: Point, element: int | str, units: _Units) -> 
     layout, periods, d = _cycle(point, element)
     ax.plot(periods, units.length * d, color=_colour(point, element))
     ax.set_xlim(0, layout.nu)
-    ax.set_xlabel("excitation periods")
+    ax.set_xlabel("excitation periods [-]")
     ax.set_ylabel(units.displacement)
     dress(ax)
     _breakpoints(layout, element, d, units.length, ax.axhline, ax.set_ylim)
@@ -219,7 +219,7 @@ def _draw_spectrum(
     ax.set_ylim(bottom=low)
     ax.set_xlim(0, (layout.harmonics + 1) / layout.nu)
     ax.xaxis.set_major_locator(MaxNLocator(integer=True, steps=[1, 2, 5, 10]))
-    ax.set_xlabel("frequency / excitation frequency")
+    ax.set_xlabel("frequency / excitation frequency [-]")
     ax.set_ylabel(f"amplitude of {units.displacement}")
     dress(ax)
     mesh = units.speeds.get(MESH)
@@ -242,7 +242,7 @@ def _decibels(ax: Axes, top: float, floor: float) -> None:
     lowest = 20 * np.log10(floor)
     right.set_yticks(np.linspace(0.0, lowest, 7 if round(lowest) % 6 == 0 else 5))
     right.minorticks_off()
-    right.set_ylabel(f"dB of the largest line, floor \N{MINUS SIGN}{-lowest:.0f} dB", fontsize=8)
+    right.set_ylabel(f"level re largest line [dB], floor \N{MINUS SIGN}{-lowest:.0f}", fontsize=8)
     right.tick_params(direction="in", width=0.6, labelsize=8, labelfontfamily=current_font())
 
 

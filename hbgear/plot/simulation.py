@@ -401,7 +401,7 @@ def _differences(ax: Axes, report: Report) -> None:
     for row, tick in zip(report.rows, ax.get_xticklabels(), strict=True):
         tick.set_color("black" if row.ok else "#c01818")
     ax.set_xlabel("validated point, in the order of the curve")
-    ax.set_ylabel("relative difference from time integration (-)")
+    ax.set_ylabel("relative difference from time integration [-]")
     ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=5, columnspacing=1.0, handletextpad=0.2)
 
 

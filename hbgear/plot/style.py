@@ -411,7 +411,7 @@ def in_words(regime: str) -> str:
     return regime.replace("_sided", "-sided").replace("_", " ")
 
 
-def add_legend(ax: Axes, outside: bool = False) -> None:
+def add_legend(ax: Axes, outside: bool = False, widths: bool = False) -> None:
     """Add a legend with one entry for each colour, line width, line style and symbol on the axes.
 
     Parameters
@@ -419,7 +419,9 @@ def add_legend(ax: Axes, outside: bool = False) -> None:
     ax : Axes
         Axes with the lines.
     outside : bool, optional
-        Whether the legend is to the right of the axes, with entries for the line widths of regimes; default False.
+        Whether the legend is to the right of the axes; default False.
+    widths : bool, optional
+        Whether the line widths are regimes, which then have entries; default False.
     """
     from matplotlib.lines import Line2D
 
@@ -434,7 +436,7 @@ def add_legend(ax: Axes, outside: bool = False) -> None:
             style, width = LINES[state]
             if curve and line.get_linestyle() == style and name not in entries:
                 entries[name] = Line2D([], [], color="#555555", linestyle=style, linewidth=width)
-        if curve and outside:  # the width of the line is the regime
+        if curve and widths:
             regime = str(line.get_gid()).split()[1]
             if regime != "unknown":
                 entries[in_words(regime)] = Line2D([], [], color="#555555", linewidth=WIDTHS[regime])

@@ -387,6 +387,12 @@ def test_several_branches_have_their_own_colours_names_and_labels():
     }  # fmt: skip
     names = [text.get_text() for text in ax.get_legend().get_texts()]
     assert names[:2] == ["branch 1", "branch 2"] and {"no impact", "single-sided", "unstable"} <= set(names)
+    on_given_axes = plot.responses((one, two), ax=plt.figure().add_subplot()).get_legend()
+    widths = {
+        text.get_text(): line.get_linewidth()
+        for text, line in zip(on_given_axes.get_texts(), on_given_axes.get_lines(), strict=True)
+    }
+    assert (widths["no impact"], widths["single-sided"]) == (plot.WIDTHS["no_impact"], plot.WIDTHS["single_sided"])
     assert list(label_boxes(ax)) == ["LP1 (1)", "LP2 (1)", "LP1 (2)", "LP2 (2)"]
     named = plot.responses((one, two), names=("before", "after")).get_legend().get_texts()
     assert [text.get_text() for text in named[:2]] == ["(1) before", "(2) after"]
@@ -641,7 +647,7 @@ def test_spectrum_states_its_floor_and_draws_nothing_below():
     order, height = ax.lines[0].get_data()
     assert ax.get_yscale() == "log" and 8 not in order and height.min() >= plot.FLOOR * height.max()
     (right,) = ax.child_axes
-    assert right.get_ylabel() == "dB of the largest line, floor \N{MINUS SIGN}120 dB"
+    assert right.get_ylabel() == "level re largest line [dB], floor \N{MINUS SIGN}120"
     assert ax.get_ylim()[0] == pytest.approx(plot.FLOOR * np.hypot(0.9, 0.4))
     drawn(ax)
     low, high = right.get_ylim()

@@ -61,7 +61,7 @@ def mesh_cycles(
             top.plot(*_twice(cycle.stiffness, 1e-8), **look)
             bottom.plot(*_twice(cycle.static_error, 1e6), **look)
         top.set_ylabel(r"mesh stiffness $k$ [$10^8$ N/m]")
-        bottom.set_ylabel(r"static error [$\mu$m]")
+        bottom.set_ylabel(r"static transmission error [$\mu$m]")
         bottom.set_xlabel(r"mesh cycles $\tau / 2\pi$ [-]")
         for ax in (top, bottom):
             dress(ax)
