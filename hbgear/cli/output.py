@@ -217,7 +217,8 @@ def show_jumps(
         headers, rows, notes = jump_table(branch, measure, element, other_branches, names, dimensionless)
         print_table(headers, rows, "jumps of a slow sweep")
     else:
-        notes = ["no jumps" if branch.multipliers is not None else "jumps unknown: traced without stability"]
+        known = branch.multipliers is not None
+        notes = ["no jumps on this curve" if known else "jumps unknown: traced without stability"]
     for note in (*notes, *leaving_lines(branch)):
         print_text(note)
 

@@ -313,7 +313,7 @@ def _show_jumps(model: hb.mechanics.Model, curve: hb.Branch, dimensionless: bool
                 row.append(f"{float(hb.gears.iso_dynamic_factor(pair, mesh_torque(model), speed, ACCURACY_GRADE)):.2f}")
             rows.append(row)
     if not rows:
-        print_text("no jumps")
+        print_text("no jumps on these curves" if curve.others else "no jumps on this curve")
         return
     headers = ["", "pinion r/min", "mesh Hz", *(["Omega"] if dimensionless else []), "sweep", "dynamic factor before",
                "after"]  # fmt: skip
