@@ -3,7 +3,7 @@ Two meshes without a common frequency
 =====================================
 
 Two gear stages on shafts that are coupled by a belt, or a mesh and an engine order,
-excite a machine with two frequencies. If their ratio is no small rational number, the
+excite a machine with two frequencies. If their ratio is not one of small integers, the
 motion is not periodic. It lies on a torus, and is computed by harmonic balance with two
 frequencies.
 """

@@ -55,8 +55,8 @@ for limit, peak in zip(limits, peaks, strict=True):
 hb.plot.responses(curves, names=[f"limit {x:g}" for x in limits])
 
 # %%
-# The force counts, not the motion
-# --------------------------------
+# Limit over excitation
+# ---------------------
 # With all forces twice as large the motion is twice as large: only the ratio of the limit
 # to the excitation matters. A curve over the excitation shows where the damper begins to
 # slip.

@@ -1,17 +1,17 @@
 """
-A motor that hums: limit cycles
-===============================
+Vibration by friction: limit cycles
+===================================
 
-A drive that vibrates at constant torque and speed excites itself. Friction whose force
-falls with the sliding speed is the usual reason. The vibration begins at a Hopf point of
-the equilibrium, and its frequency is an unknown.
+A drive may vibrate at constant torque and speed, without an excitation. Friction whose
+force falls with the sliding speed is the usual reason. The vibration begins at a Hopf point
+of the equilibrium, and its frequency is an unknown.
 """
 
 # %%
 # The model
 # ---------
-# A brake or belt drags a mass on a spring: the friction force falls with the sliding speed
-# and rises again at high speed (Stribeck curve, smooth while the mass slides).
+# A belt drags a mass on a spring: the friction force falls with the sliding speed and rises
+# again at high speed (Stribeck curve, smooth while the mass slides).
 
 from dataclasses import dataclass
 
@@ -31,27 +31,27 @@ class Stribeck(hb.mechanics.Law):
 
 
 @hb.mechanics.model
-def motor(V: float = 1.2, damping: float = 0.1) -> hb.System:
+def mass_on_belt(V: float = 1.2, damping: float = 0.1) -> hb.System:
     spring = hb.Element([1.0], Stribeck(V), name="mass")
     return hb.System([[1.0]], [[damping]], [[1.0]], [spring])
 
 
 # %%
-# Where does it begin to hum?
-# ---------------------------
+# Onset of the vibration
+# ----------------------
 # At high speed the equilibrium is stable. It loses its stability where the falling
 # friction exceeds the damping, 0.6 - 0.6 V^2 = 0.1:
 
-(hopf,) = hb.analysis.hopf_points(motor(), "V", (1.2, 0.6))
+(hopf,) = hb.analysis.hopf_points(mass_on_belt(), "V", (1.2, 0.6))
 exact = (0.5 / 0.6) ** 0.5
 print(f"belt speed {hopf.value:.6f}, exact {exact:.6f}, frequency {hopf.Omega:.6f}")
 
 # %%
 # The limit cycles
 # ----------------
-# Below this speed the motor hums; the amplitude grows as the speed falls.
+# Below this speed the mass vibrates; the amplitude grows as the speed falls.
 
-cycles = hb.analysis.limit_cycles(motor(), hopf, (0.85, 1.2), harmonics=9)
+cycles = hb.analysis.limit_cycles(mass_on_belt(), hopf, (0.85, 1.2), harmonics=9)
 print(cycles.message, "- stable" if cycles.stable.all() else "- partly unstable")
 hb.plot.response(cycles, "pp2")
 
