@@ -259,7 +259,7 @@ def torus(
         if is_new:
             name = _element_name(layout, element)
             physical = height.header(tori) != measure
-            ax.set_xlabel(layout.labels.get(tori.parameter, tori.parameter) if abscissa.scale == 1 else abscissa.label)
+            ax.set_xlabel(abscissa.label)
             ax.set_ylabel(in_figure(axis_text(measure, f"{name} [um]" if physical else name)))
             dress(ax)
             if scaled_axes(ax, abscissa.above):

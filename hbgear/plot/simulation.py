@@ -21,7 +21,7 @@ from hbgear.analysis.quantities.axis_quantities import (
 )
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.continuation.results.branch import Branch
-from hbgear.harmonic.equations.layout import axis_text
+from hbgear.harmonic.equations.layout import axis_text, motion_text
 from hbgear.harmonic.models.frequency_units import length_scale, model_of, scales
 from hbgear.mechanics.models import Model
 from hbgear.plot.curves import response
@@ -406,5 +406,4 @@ def _differences(ax: Axes, report: Report) -> None:
 
 
 def _name(s: Sweep, element: int | str) -> str:
-    name = f", {s.elements[s.index(element)]}" if len(s.elements) > 1 else ""
-    return s.labels.get("amplitude", "gap (model units)") + name
+    return motion_text(s.labels, s.elements, s.index(element))

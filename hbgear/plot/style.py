@@ -23,7 +23,7 @@ from hbgear.common.text.messages import quoted
 from hbgear.continuation.events.event import Event
 from hbgear.continuation.results.point import SpecialPoint
 from hbgear.harmonic.bifurcations.events import KINDS
-from hbgear.harmonic.equations.layout import REGIMES, STICK_REGIME, Layout
+from hbgear.harmonic.equations.layout import REGIMES, STICK_REGIME, Layout, motion_text
 from hbgear.harmonic.models.frequency_units import MESH, PINION
 
 if TYPE_CHECKING:
@@ -366,10 +366,7 @@ def gap_label(layout: Layout | None, element: int | str) -> str:
     str
         Axis label.
     """
-    if layout is None:
-        return "gap (model units)"
-    name = f", {layout.elements[layout.index(element)]}" if len(layout.elements) > 1 else ""
-    return layout.labels.get("amplitude", "gap (model units)") + name
+    return motion_text({}) if layout is None else motion_text(layout.labels, layout.elements, layout.index(element))
 
 
 def regime_of(layout: Layout | None, codes: NDArray[np.int8], element: int | str) -> str:

@@ -237,10 +237,10 @@ def test_axis_labels_come_from_the_layout_or_fall_back():
     b = resonance()
     plain = rebuilt(b, layout=Layout(5, 1, ("mesh",), ((-1.0, 1.0),)), special=(), jump_records=())
     ax = plot.response(plain)
-    assert ax.get_xlabel() == r"$\Omega$" and ax.get_ylabel() == "half peak-to-peak of gap (model units)"
+    assert ax.get_xlabel() == r"$\Omega$" and ax.get_ylabel() == "half peak-to-peak of $d$, mesh (model units)"
     layout = Layout(2, 1, ("left", "right"), ((), ()))
     two = rebuilt(plain, layout=layout, X=plain.X[:, :10], regime=np.zeros((len(b), 2)))
-    assert plot.response(two, "H2", "right").get_ylabel() == "harmonic 2 of gap (model units), right"
+    assert plot.response(two, "H2", "right").get_ylabel() == "harmonic 2 of $d$, right (model units)"
 
 
 def test_one_row_is_a_dot():

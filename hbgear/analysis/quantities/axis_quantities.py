@@ -24,7 +24,7 @@ from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point
 from hbgear.harmonic.autonomous.backbone import AMPLITUDE
 from hbgear.harmonic.autonomous.tori.layout import TorusLayout
-from hbgear.harmonic.equations.layout import MEASURES, Layout, axis_text, is_measure, layout_of
+from hbgear.harmonic.equations.layout import MEASURES, Layout, axis_text, is_measure, layout_of, motion_text
 from hbgear.harmonic.models.frequency_units import (
     MESH,
     PINION,
@@ -482,12 +482,12 @@ class Ordinate:
     def _motion(self, branch: Branch, layout: Layout | None) -> str:
         """Return the symbol of the motion of the element with its unit."""
         if layout is None:
-            return "gap (model units)"
-        name = f", {layout.elements[layout.index(self.element)]}" if len(layout.elements) > 1 else ""
-        symbol = layout.labels.get("amplitude", "gap (model units)")
+            return motion_text({})
+        index = layout.index(self.element)
         if self._length(model_of(branch), branch.parameters_at(0)) is None:
-            return symbol + name
-        return in_micrometres(symbol, name)
+            return motion_text(layout.labels, layout.elements, index)
+        name = f", {layout.elements[index]}" if len(layout.elements) > 1 else ""
+        return in_micrometres(motion_text(layout.labels), name)
 
     def _length(self, model: Model | None, parameters: dict[str, float]) -> float | None:
         """Return the unit of amplitudes [um]; None if amplitudes keep the unit of the model."""

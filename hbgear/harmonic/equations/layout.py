@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, TypeVar, overload
@@ -290,6 +290,33 @@ def default_measures(same_unit: bool = False) -> dict[str, Measure]:
         for name, entry in MEASURES.items()
         if entry.default and not (same_unit and (entry.unit or entry.dimension != 1))
     }
+
+
+def motion_text(labels: Mapping[str, str], elements: Sequence[str] = (), index: int = 0) -> str:
+    """Return the symbol of the displacement of an element, with its name.
+
+    Parameters
+    ----------
+    labels : mapping
+        Labels of the model, empty for matrices of the user.
+    elements : sequence of str, optional
+        Names of the elements.
+    index : int, optional
+        Index of the element; default 0.
+
+    Returns
+    -------
+    str
+        Text in units of the model.
+
+    Examples
+    --------
+    >>> motion_text({"amplitude": "$d$ [-]"}, ["gap L", "gap R"], 1), motion_text({}, ["stop"])
+    ('$d$ [-], gap R', '$d$, stop (model units)')
+    """
+    if "amplitude" in labels:
+        return labels["amplitude"] + (f", {elements[index]}" if len(elements) > 1 else "")
+    return f"$d$, {elements[index]} (model units)" if elements else "$d$ (model units)"
 
 
 def axis_text(name: str, motion: str) -> str:

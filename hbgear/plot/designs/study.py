@@ -17,7 +17,7 @@ from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.design.studies.case_results import Cases
 from hbgear.design.studies.sweep_statistics import SweepResponses, sweep_responses
-from hbgear.harmonic.equations.layout import axis_text
+from hbgear.harmonic.equations.layout import axis_text, motion_text
 from hbgear.harmonic.models.frequency_units import MESH, PINION
 from hbgear.plot.branch_sections import HEADROOM
 from hbgear.plot.style import COLOURS, axes_or_new, dress, heighten, new_figure, scaled_axes, styled
@@ -472,7 +472,7 @@ def _finite(column: Array) -> Array:
 
 def _measure(found: Cases, dimensionless: bool) -> str:
     """Return the name of the measure and of the measured coordinate."""
-    motion = found.model.labels.get("amplitude", "gap (model units)")
+    motion = motion_text(found.model.labels)
     is_physical = _length_units(found, dimensionless) is not None
     return in_figure(axis_text(found.work.measure, in_micrometres(motion) if is_physical else motion))
 
