@@ -18,8 +18,8 @@ hb.plot.tornado(found, most=8)
 plt.show()
 
 # %%
-# In percent per percent of the parameter:
+# The same in percent per percent of the parameter:
 
-percent = found.percent("Omega")
+percent = found.percent("pinion r/min")
 for name in sorted(percent, key=lambda name: -abs(percent[name]))[:4]:
     print(f"{name:10s} {percent[name]:+.3f}")
