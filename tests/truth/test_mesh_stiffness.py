@@ -48,6 +48,14 @@ def test_strain_energy_within_ten_percent_of_iso(numbers):
     assert mean == pytest.approx(iso_stiffness(p).mesh, rel=0.1)
 
 
+@pytest.mark.parametrize(("z_1", "z_2", "x_1", "x_2", "ratio"), [(200, 200, 0.5, 0.5, 0.81), (18, 18, 0.5, 0.25, 1.10)])
+def test_documented_range_of_the_ratio_to_iso_with_profile_shifts(z_1, z_2, x_1, x_2, ratio):
+    """The lowest and highest ratios over 18 to 200 teeth with profile shifts from 0 to 0.5."""
+    p = pair(z_1, z_2, 3, x_1, x_2)
+    mean = p.mesh(LOAD * p.face_width * p.base_radii[0], phases=64).stiffness.mean / p.face_width
+    assert mean / iso_stiffness(p).mesh == pytest.approx(ratio, abs=0.008)
+
+
 @pytest.mark.parametrize(("z_1", "z_2", "beta", "internal", "ratio"), [
     (18, 18, 0, False, 1.09), (200, 200, 0, False, 0.85), (70, 200, 0, True, 0.91), (25, 40, 0, True, 0.96),
     (120, 200, 25, False, 0.85), (18, 25, 8, False, 1.06),
