@@ -3,15 +3,52 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
 from hbgear.cli import complete as cli_complete
+from hbgear.cli.output_files import BRANCHES, FIGURES, check_writable
+from hbgear.continuation.results.point import LANDINGS
 from hbgear.harmonic.models import model_registry
 
-if TYPE_CHECKING:
-    pass
+
+def file_option(text: str, endings: tuple[str, ...], *names: str, default: str | bool = True) -> Any:
+    """Return an option for a file that is written; it is refused before the computation if it could not be written.
+
+    Parameters
+    ----------
+    text : str
+        Help.
+    endings : tuple of str
+        Allowed endings of the name, such as ``(".csv",)``.
+    *names : str
+        Names of the option, by default that of the argument.
+    default : str or bool, optional
+        Description of the default in the help.
+    """
+
+    def checked(path: Path | None) -> Path | None:
+        check_writable(path, endings)
+        return path
+
+    return typer.Option(*names, help=text, callback=checked, show_default=default)
+
+
+def output_option(text: str, *endings: str) -> Any:
+    """Return the option -o of a command that writes one file; see `file_option`."""
+    return file_option(text, endings, "-o", "--output")
+
+
+def element_of(text: str) -> int | str:
+    """Return the number or the name of an element given on the command line."""
+    return int(text) if text.isdecimal() else text
+
+
+def _checked_landing(landing: str) -> str:
+    if landing not in LANDINGS:
+        raise ValueError(f"--landing {landing}: need {' or '.join(LANDINGS)}")
+    return landing
 
 
 Model = Annotated[
@@ -38,7 +75,10 @@ OwnModel = Annotated[
 File = Annotated[Path, typer.Argument(metavar="FILE", help="A curve saved as .npz by hbgear trace -o or Branch.save.")]
 
 
-Output = Annotated[Path | None, typer.Option("-o", "--output", help="Save as .npz, or export .csv or .mat.")]
+Output = Annotated[Path | None, output_option("Save as .npz, or export .csv or .mat.", *BRANCHES)]
+
+
+Table = Annotated[Path | None, output_option("Save all numbers as .csv.", ".csv")]
 
 
 AllowCode = Annotated[
@@ -47,7 +87,7 @@ AllowCode = Annotated[
 ]
 
 
-Figure = Annotated[Path | None, typer.Option(help="Draw to a .png, .pdf or .svg.")]
+Figure = Annotated[Path | None, file_option("Draw to a .png, .pdf or .svg.", FIGURES)]
 
 
 Landing = Annotated[
@@ -56,6 +96,7 @@ Landing = Annotated[
         "--landing",
         metavar="nearest|integrate",
         help="How to determine where a jump lands: the nearest stable motion, or the end of an integration in time.",
+        callback=_checked_landing,
     ),
 ]
 
@@ -92,7 +133,9 @@ Dimensionless = Annotated[
 ]
 
 
-Element = Annotated[str, typer.Option(help="Element, by number from 0 or by name.")]
+Element = Annotated[
+    Any, typer.Option(parser=element_of, metavar="NUMBER|NAME", help="Element, by number from 0 or by name.")
+]
 
 
 Harmonics = Annotated[str, typer.Option(help="Harmonics H of the excitation frequency; trace also accepts auto.")]

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import inspect
 import math
 import os
-import re
 import shutil
 import sys
 import textwrap
@@ -25,11 +23,9 @@ from hbgear.analysis.summary import (
     reliability_lines,
     size_text,
     special_table,
-    text_of,
 )
 from hbgear.common.process.progress import Progress, ProgressCallback
 from hbgear.common.text.messages import shortened
-from hbgear.mechanics.fields import defaults_of, kinds_of
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -246,32 +242,3 @@ def show_path(run: hb.analysis.RunUp, measure: str | None, element: int | str, d
     headers = [f"from {name}", "to", "period", f"{height.header(first)} at the end", ""]
     print_table(headers, rows, f"path of a slow sweep, {direction}")
     print_text(in_speeds(first, run.message, dimensionless))
-
-
-def summary_of(cls: type) -> str:
-    """Return the first line of the docstring of a class, up to a semicolon."""
-    return next(iter((inspect.getdoc(cls) or "").splitlines()), "").partition(";")[0].rstrip(".")
-
-
-def defaults_text(cls: type[hb.mechanics.Model]) -> str:
-    """Return the fields in the form of --set, with their defaults; VALUE for a required field."""
-    defaults = defaults_of(cls)
-    return ", ".join(f"{name}={text_of(defaults[name]) if name in defaults else 'VALUE'}" for name in kinds_of(cls))
-
-
-def ranges_of(cls: type[hb.mechanics.Model]) -> str:
-    """Return the ranges of the parameters, the parameters of one range together."""
-    names: dict[str, list[str]] = {}
-    for name, allowed in cls.ranges.items():
-        names.setdefault(str(allowed), []).append(name)
-    return "; ".join(f"{', '.join(parameters)} must {need}" for need, parameters in names.items())
-
-
-def equation_of(cls: type) -> str:
-    """Return the first indented line of the docstring of the class, or of its module within hbgear."""
-    module = inspect.getmodule(cls) if cls.__module__.startswith("hbgear.") else None
-    for text in (inspect.getdoc(cls), inspect.getdoc(module) if module else None):
-        for line in (text or "").partition("\nParameters\n")[0].splitlines():
-            if line.startswith("    "):
-                return re.sub(r"\s+", " ", line.strip())
-    return ""

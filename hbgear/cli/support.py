@@ -8,7 +8,7 @@ import typing
 from collections.abc import Mapping, Sequence
 from contextlib import nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import hbgear as hb
 from hbgear.analysis.quantities.axis_quantities import QUANTITIES, Ordinate, usual_measure
@@ -23,14 +23,10 @@ from hbgear.cli.quantities import (
     value_in_model,
 )
 from hbgear.continuation.results.interpolation import crossings_at
-from hbgear.continuation.results.point import LANDINGS
 from hbgear.harmonic.models import model_registry
 from hbgear.harmonic.models.frequency_units import Omega_of, model_of
 from hbgear.io.branches.npz import read
 from hbgear.mechanics.fields import check_names, is_entry, kinds_of, made, required_of
-
-if TYPE_CHECKING:
-    pass
 
 
 def assignments(option: str, texts: list[str]) -> list[tuple[str, str]]:
@@ -125,18 +121,16 @@ def value_of(option: str, text: str, kind: Any) -> Any:
     return text
 
 
-def loaded(
-    file: Path, measure: str | None, element: str, dimensionless: bool = False
-) -> tuple[hb.Branch, int | str, str]:
-    """Load a branch and return it with its element and its measure, by default `usual_measure`.
+def loaded(file: Path, measure: str | None, element: int | str, dimensionless: bool = False) -> tuple[hb.Branch, str]:
+    """Load a branch and return it with its measure, by default `usual_measure`.
 
     An unknown measure or element is refused before anything is printed.
     """
-    branch, element_id = hb.load(file), element_of(element)
+    branch = hb.load(file)
     quantity = measure or usual_measure(branch, dimensionless)
-    height = Ordinate(quantity, element_id, dimensionless=dimensionless)
+    height = Ordinate(quantity, element, dimensionless=dimensionless)
     height.at(height.prepared(branch)[0], branch)
-    return branch, element_id, quantity
+    return branch, quantity
 
 
 def check_shown(problem: hb.HarmonicBalance, measure: str | None, element: int | str) -> None:
@@ -144,12 +138,6 @@ def check_shown(problem: hb.HarmonicBalance, measure: str | None, element: int |
     problem.layout.index(element)
     if measure is not None and measure not in QUANTITIES:
         problem.layout.check_measure(measure, element)
-
-
-def check_landing(landing: str) -> None:
-    """Refuse an unknown --landing before any computation."""
-    if landing not in LANDINGS:
-        raise ValueError(f"--landing {landing}: need {' or '.join(LANDINGS)}")
 
 
 def with_landings(
@@ -167,11 +155,6 @@ def with_landings(
         reason = "interrupted" if isinstance(error, KeyboardInterrupt) else f"jumps cannot be integrated: {error}"
         print_message("error", f"{reason}; the nearest motions are shown as landings")
         return branch, False
-
-
-def element_of(text: str) -> int | str:
-    """Return the number or the name of an element given on the command line."""
-    return int(text) if text.isdecimal() else text
 
 
 def span_of(model: hb.mechanics.Model, first: str | None, last: str | None) -> tuple[float, float]:

@@ -515,7 +515,7 @@ def test_mat_of_a_bare_branch(tmp_path):
 
 def test_motions_without_bound_are_not_the_largest_ones() -> None:
     """The largest motions of an unbounded branch are searched up to its last special point."""
-    from hbgear.cli.commands.assumptions import largest_motions
+    from hbgear.cli.machine_report.assumptions import largest_motions
 
     curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 5), "Omega", (0.6, 1.0))  # from LP2 over LP1 to the upper part
     assert max(point.amplitude("max") for point in largest_motions(curve)) == curve.amplitude("max").max()

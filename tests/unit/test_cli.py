@@ -293,7 +293,7 @@ def test_failure_while_drawing_leaves_no_half_figure(run, saved, monkeypatch):
 
 
 def test_a_bug_is_not_hidden(monkeypatch):
-    monkeypatch.setattr(cli, "print_table", lambda *_: 1 / 0)
+    monkeypatch.setattr("hbgear.cli.commands.models.print_table", lambda *_: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         cli.main(["models"])
 

@@ -22,7 +22,7 @@ from browser import browser, check_only_own_scripts_run, check_toolbars, clicked
 import hbgear as hb
 from hbgear.analysis.quantities.engineering_quantities import transmission_error
 from hbgear.cli.app import main
-from hbgear.cli.pages import explored
+from hbgear.cli.commands.pages import explored
 from hbgear.design.studies.study_file import read_study
 from hbgear.io.machines.machine_file import Machine, read_machine, write_machine
 from hbgear.web.editable_model import EditableInstance, EditableMachine

@@ -9,7 +9,7 @@ import scipy.io
 
 import hbgear as hb
 from hbgear.cli.app import main
-from hbgear.cli.pages import explored
+from hbgear.cli.commands.pages import explored
 from hbgear.design.studies.study_file import StudyFileError, read_study
 from hbgear.io.machines.model_file import read_model
 from hbgear.io.machines.toml_file import line_of, lines_of

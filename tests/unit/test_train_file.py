@@ -12,15 +12,8 @@ from typer.testing import CliRunner
 import hbgear as hb
 from hbgear.analysis.quantities.engineering_quantities import forces_along
 from hbgear.cli.app import app
-from hbgear.cli.commands.machine_report import (
-    contact_lost,
-    factor_text,
-    jumps_possible,
-    recommendation,
-    resonances,
-    show_speeds,
-    without_stable_motion,
-)
+from hbgear.cli.machine_report.speed_ranges import contact_lost, jumps_possible, without_stable_motion
+from hbgear.cli.machine_report.speeds import factor_text, recommendation, resonances, show_speeds
 from hbgear.io.machines.train_file import TrainFileError, is_train, read_train
 from hbgear.mechanics.models import describe
 from hbgear.mechanics.structures.scales import Scales

@@ -11,9 +11,9 @@ import typer
 import hbgear as hb
 from hbgear.analysis.summary import certified_bounds, certified_header
 from hbgear.cli import complete as cli_complete
-from hbgear.cli.commands.files import check_writable, outputs
-from hbgear.cli.options import Dimensionless, File, OwnModel
+from hbgear.cli.options import Dimensionless, File, OwnModel, output_option
 from hbgear.cli.output import print_message, print_table
+from hbgear.cli.output_files import outputs
 from hbgear.cli.support import label_on_curve, load_with_problem, numbered, point_of
 
 NOT_PROVED = 1
@@ -37,8 +37,7 @@ def certify(
     ] = None,
     model: OwnModel = None,
     output: Annotated[
-        Path | None,
-        typer.Option("-o", "--output", help=".json: a single proof as a file of its own, for other programs."),
+        Path | None, output_option(".json: a single proof as a file of its own, for other programs.", ".json")
     ] = None,
     dimensionless: Dimensionless = False,
 ) -> None:
@@ -48,7 +47,6 @@ def certify(
     show them. Exit codes: 0 all points are certified, 1 a point is not certified (the message states which condition
     fails), 2 bad input.
     """
-    check_writable(output, (".json",))
     branch = load_with_problem(file, model)
     curves = [dataclasses.replace(branch, others=()), *branch.others]
     names = points or [

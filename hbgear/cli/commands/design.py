@@ -13,7 +13,6 @@ import hbgear as hb
 from hbgear.analysis.quantities.axis_quantities import OmegaAxis
 from hbgear.analysis.summary import digits_of, message_of, text_at
 from hbgear.cli import complete as cli_complete
-from hbgear.cli.commands.files import BRANCHES, FIGURES, check_writable, outputs
 from hbgear.cli.commands.shares import MaxRows, Saved, show_shares
 from hbgear.cli.options import (
     Changes,
@@ -28,12 +27,13 @@ from hbgear.cli.options import (
     Model,
     Output,
     OwnModel,
+    output_option,
     range_option,
 )
 from hbgear.cli.output import bar, exit_code, finish, print_message, print_table, show_branch
+from hbgear.cli.output_files import BRANCHES, check_writable, outputs
 from hbgear.cli.support import (
     chosen_model,
-    element_of,
     load_with_problem,
     on_curve,
     problem_of,
@@ -61,7 +61,7 @@ def map_command(
     seeds: Annotated[int, typer.Option(min=2, help="Response curves that are searched for jumps.")] = 3,
     first: First = None,
     last: Last = None,
-    output: Annotated[Path | None, typer.Option("-o", "--output", help="Save the jump frequencies as .csv.")] = None,
+    output: Annotated[Path | None, output_option("Save the jump frequencies as .csv.", ".csv")] = None,
     plot: Figure = None,
     dimensionless: Dimensionless = False,
 ) -> None:
@@ -70,8 +70,6 @@ def map_command(
     Exit codes: 0 the end was reached, 2 bad input, 3 stopped early (complete curves are shown and saved). With -o
     FILE.csv, complete curves are then kept in FILE.part.npz, and the same command continues from them.
     """
-    check_writable(output, (".csv",))
-    check_writable(plot, FIGURES)
     problem = problem_of(chosen_model(model, changes), harmonics)
     parameter, span = range_of(within, problem.model, first, last)
     frequencies = span_of(problem.model, first, last)
@@ -158,8 +156,6 @@ def critical(
     With --sensitivity, -o or --plot also its derivatives by all other parameters, in percent per percent.
     Exit codes: 0 found, 2 bad input or no such value, 3 stopped early (results so far are shown).
     """
-    check_writable(output, (".csv",))
-    check_writable(plot, FIGURES)
     problem = problem_of(chosen_model(model, changes), harmonics)
     problem.check_parameter(parameter)
     with bar("critical") as progress:
@@ -186,7 +182,7 @@ def critical(
         values = f"{parameter} = {rounded(other_value, digits)}{unit}, {axis_at(other_value).text(Omega, digits)}"
         print(f"another jump appears or vanishes at {values}")
     if derivatives or output or plot:
-        sensitivities = hb.analysis.sensitivity(result, measure=measure, element=element_of(element))
+        sensitivities = hb.analysis.sensitivity(result, measure=measure, element=element)
         show_shares(sensitivities, problem.model.labels, quantity, max_rows, output, plot, dimensionless)
     finish(result)
 
@@ -206,17 +202,14 @@ def switch(
     element: Element = "0",
 ) -> None:
     """Trace the branch that leaves a saved curve at a period doubling or branch point."""
-    check_writable(output, BRANCHES)
-    check_writable(plot, FIGURES)
-    branch, element_id = load_with_problem(file, model), element_of(element)
-    branch, label_on_branch = on_curve(branch, label)
+    branch, label_on_branch = on_curve(load_with_problem(file, model), label)
     new = hb.switch(branch, label_on_branch)
     names = [str(file), f"from {label}"]
     with outputs() as out:
         out.branch(output, new)
-        out.figure(plot, lambda drawing: drawing.responses((branch, new), measure, element_id, names=names))
+        out.figure(plot, lambda drawing: drawing.responses((branch, new), measure, element, names=names))
         print(f"from {label} of {file}: {len(new)} points; {message_of(new)}")
-        show_branch(new, measure, element_id, other_branches=(branch,), names=names[:1])
+        show_branch(new, measure, element, other_branches=(branch,), names=names[:1])
     raise typer.Exit(exit_code(new))
 
 
@@ -243,13 +236,11 @@ def survey(
 
     Exit codes: 0 the end was reached, 2 bad input, 3 stopped early (results so far are shown and saved).
     """
-    check_writable(plot, FIGURES)
-    machine, element_id = chosen_model(model, changes), element_of(element)
     if folder is not None:
         if not os.path.isdir(folder):
             raise ValueError(f"there is no folder '{folder}'; create it first")
         check_writable(folder / "branch1.npz", BRANCHES)
-    problem = problem_of(machine, harmonics, nu=nu)
+    problem = problem_of(chosen_model(model, changes), harmonics, nu=nu)
     span = span_of(problem.model, first, last)
     with bar("survey") as progress:
         survey_result = hb.trace_all(problem, span, frequencies=frequencies, guesses=guesses, progress=progress)
@@ -258,11 +249,11 @@ def survey(
             out.branch(folder / f"branch{number}.npz" if folder else None, branch)
         out.figure(
             plot,
-            lambda drawing: drawing.responses(survey_result.branches, measure, element_id, dimensionless=dimensionless),
+            lambda drawing: drawing.responses(survey_result.branches, measure, element, dimensionless=dimensionless),
         )
         for number, branch in enumerate(survey_result.branches, 1):
             print(f"branch {number}: {len(branch)} points; {message_of(branch, dimensionless)}")
             indices = [i for i in range(len(survey_result)) if i != number - 1]
             other_branches, names = [survey_result.branches[i] for i in indices], [f"branch {i + 1}" for i in indices]
-            show_branch(branch, measure, element_id, other_branches, names, dimensionless)
+            show_branch(branch, measure, element, other_branches, names, dimensionless)
     finish(survey_result, *survey_result.branches)

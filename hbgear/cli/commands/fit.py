@@ -11,7 +11,6 @@ import typer
 
 import hbgear as hb
 from hbgear.cli import complete as cli_complete
-from hbgear.cli.commands.files import FIGURES, check_writable, outputs
 from hbgear.cli.commands.shares import SHARE_ROUNDING, MaxRows, Saved, show_shares
 from hbgear.cli.options import (
     Changes,
@@ -25,13 +24,14 @@ from hbgear.cli.options import (
     Measure,
     Model,
     OwnModel,
+    output_option,
 )
 from hbgear.cli.output import bar, finish, print_table, print_text
+from hbgear.cli.output_files import outputs
 from hbgear.cli.quantities import check_parameter, parameter_value, value_in_model
 from hbgear.cli.support import (
     assignments,
     chosen_model,
-    element_of,
     label_on_curve,
     load_with_problem,
     on_curve,
@@ -83,12 +83,9 @@ def sensitivity(
 
     The table is in percent per percent of each parameter, the largest first.
     """
-    check_writable(output, (".csv",))
-    check_writable(plot, FIGURES)
-    element_id = element_of(element)
     branch = load_with_problem(file, model)
-    chosen = _chosen(branch, point, measure, element_id)
-    derivatives = hb.analysis.sensitivity(chosen, measure=measure, element=element_id, multipliers=multipliers)
+    chosen = _chosen(branch, point, measure, element)
+    derivatives = hb.analysis.sensitivity(chosen, measure=measure, element=element, multipliers=multipliers)
     show_shares(derivatives, branch.problem.model.labels, quantity, max_rows, output, plot, dimensionless)
 
 
@@ -118,7 +115,6 @@ def scatter(
     To first order, and by Monte Carlo: the equations of each jump are solved for every draw. The band is that of the
     first curve of the file, jumps are those of all its curves.
     """
-    check_writable(plot, FIGURES)
     branch = load_with_problem(file, model)
     labels = branch.problem.model.labels
     pairs = assignments("NAME=DEVIATION", spread)
@@ -131,9 +127,7 @@ def scatter(
             for number, curve in enumerate(branch.curves, 1) if curve.jumps()
             for t in hb.design.jump_tolerance(curve, deviations, draws=draws, unit=unit, progress=progress)
         ]  # fmt: skip
-        band = hb.design.response_band(
-            branch, deviations, measure=measure, element=element_of(element), unit=unit, length=length
-        )
+        band = hb.design.response_band(branch, deviations, measure=measure, element=element, unit=unit, length=length)
     with outputs() as out:
         out.figure(plot, lambda drawing: drawing.band(band, sigmas=sigmas))
         if jumps:
@@ -190,7 +184,7 @@ def fit(
     ] = "",
     harmonics: Harmonics = "16",
     starts: Annotated[int, typer.Option(min=1, help="Starting points to follow if the first fits badly.")] = 3,
-    output: Annotated[Path | None, typer.Option("-o", "--output", help="Save the fitted curve as .npz.")] = None,
+    output: Annotated[Path | None, output_option("Save the fitted curve as .npz.", ".npz")] = None,
     plot: Figure = None,
     measure: Measure = "pp2",
     element: Element = "0",
@@ -200,13 +194,11 @@ def fit(
     A row of the file without an amplitude is the frequency of a measured jump.
     Exit codes: 0 done, 2 bad input, 3 stopped early (the best values so far are shown).
     """
-    check_writable(output, (".npz",))
-    check_writable(plot, FIGURES)
     machine = chosen_model(model, changes)
     bounds = dict(_bounds(machine, text) for text in free.split(",") if text.strip())
     measured = hb.design.read_measurements(
         data, dict(assignments("--column", column or [])), unit=unit, length=length, measure=measure,
-        element=element_of(element),
+        element=element,
     )  # fmt: skip
     with bar("fit") as progress:
         result = hb.design.fit(problem_of(machine, harmonics), measured, bounds, starts=starts, progress=progress)
@@ -266,7 +258,7 @@ def redesign(
     first: First = None,
     last: Last = None,
     harmonics: Harmonics = "16",
-    output: Annotated[Path | None, typer.Option("-o", "--output", help="Save the new curve as .npz.")] = None,
+    output: Annotated[Path | None, output_option("Save the new curve as .npz.", ".npz")] = None,
     plot: Figure = None,
     measure: Measure = "pp2",
     element: Element = "0",
@@ -275,15 +267,11 @@ def redesign(
 
     Exit codes: 0 the goal is reached, 1 no values within the bounds reach it, 2 bad input, 3 stopped early.
     """
-    check_writable(output, (".npz",))
-    check_writable(plot, FIGURES)
-    problem, element_id = problem_of(chosen_model(model, changes), harmonics), element_of(element)
+    problem = problem_of(chosen_model(model, changes), harmonics)
     if peak is not None and margin is not None:
         raise ValueError("--margin is the distance from a jump; give --margin or --peak, not both")
     goal = (
-        hb.design.no_jumps(margin or 0.0, margin_in)
-        if peak is None
-        else hb.design.peak_below(peak, measure, element_id)
+        hb.design.no_jumps(margin or 0.0, margin_in) if peak is None else hb.design.peak_below(peak, measure, element)
     )
     ranges = dict(_bounds(problem.model, text) for text in free.split(",") if text.strip())
     within = {name: bounds for name, bounds in ranges.items() if bounds is not None}
@@ -308,7 +296,7 @@ def redesign(
     ]
     with outputs() as out:
         out.branch(output, result.curve)
-        out.figure(plot, lambda drawing: drawing.response(result.curve, measure, element_id))
+        out.figure(plot, lambda drawing: drawing.response(result.curve, measure, element))
         print_table(["", "old", "new", "change"], rows, f"root sum of squares of the changes: {result.distance:.2%}")
         if draws:
             print(f"{result.share:.0%} of {draws} machines drawn from the scatter reach the goal")

@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import re
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import partial
-from math import degrees, pi
 from operator import methodcaller
 from pathlib import Path
 from threading import Event
@@ -23,21 +21,19 @@ from hbgear.analysis.jump_landings import landings
 from hbgear.analysis.quantities.axis_quantities import OmegaAxis
 from hbgear.analysis.quantities.engineering_quantities import MachineQuantities, problem_along
 from hbgear.analysis.summary import message_of, position_headers, position_texts
-from hbgear.cli.commands.assumptions import (
-    FACTOR_CANDIDATES,
+from hbgear.cli.machine_report import gear_tables
+from hbgear.cli.machine_report.assumptions import (
     JUMPS,
-    LONG_STEPS,
     MEASURES,
     alternative_results,
     alternatives,
     factor_and_jumps,
-    largest_motions,
     print_assumptions,
     show_assumptions,
-    until,
 )
-from hbgear.cli.commands.files import BRANCHES, FIGURES, check_writable, outputs
-from hbgear.cli.commands.machine_report import merged, recommendation, show_speeds
+from hbgear.cli.machine_report.speed_ranges import numbers_text
+from hbgear.cli.machine_report.speeds import recommendation, show_speeds
+from hbgear.cli.machine_report.subharmonics import subharmonics
 from hbgear.cli.options import (
     Changes,
     Dimensionless,
@@ -45,10 +41,14 @@ from hbgear.cli.options import (
     Figure,
     File,
     Harmonics,
+    Output,
     OwnModel,
     ShownMeasure,
+    file_option,
+    output_option,
 )
 from hbgear.cli.output import exit_code, print_table, print_text
+from hbgear.cli.output_files import FIGURES, check_writable, outputs
 from hbgear.cli.quantities import is_number
 from hbgear.cli.support import (
     check_shown,
@@ -67,11 +67,6 @@ if TYPE_CHECKING:
     from hbgear.gears import DrawnPair
     from hbgear.io.machines.machine_file import Machine
 
-PARAMETRIC_SPAN = 2.4
-"""Omega up to which period doublings are searched: those of the parametric resonance lie near 2."""
-
-SAME_SPEED = 1e-4
-"""Difference of Omega [-] below which a curve of twice the period ends at a period doubling."""
 
 DEFAULT_DAMPING = 0.04
 """Default damping ratio of a mesh; measured values lie between 0.02 and 0.1."""
@@ -132,9 +127,9 @@ def gear(
     ] = None,
     rack: Annotated[bool, typer.Option("--rack", help="The wheel is a rack of Z2 teeth.")] = False,
     harmonics: Harmonics = "24",
-    output: Annotated[Path | None, typer.Option("-o", "--output", help="Write the machine as .toml.")] = None,
+    output: Annotated[Path | None, output_option("Write the machine as .toml.", ".toml")] = None,
     plot: Annotated[
-        Path | None, typer.Option(help="Draw to a .png, .pdf or .svg.", show_default="gear-Z1-Z2.png")
+        Path | None, file_option("Draw to a .png, .pdf or .svg.", FIGURES, default="gear-Z1-Z2.png")
     ] = None,
     dimensionless: Dimensionless = False,
 ) -> None:
@@ -146,7 +141,6 @@ def gear(
     """
     teeth = _two_values("--z", z, int, "25,40")
     plot = plot or Path(f"gear-{teeth[0]}-{abs(teeth[1])}.png")
-    check_writable(output, (".toml",))
     check_writable(plot, FIGURES)
     machine = _machine(
         teeth, module, width, torque, backlash, damping or str(DEFAULT_DAMPING), helix, pressure,
@@ -166,7 +160,7 @@ def speed(
     ] = None,
     last: Annotated[str | None, typer.Option("--to", help="Speed of the pinion at the end.")] = None,
     harmonics: Harmonics = "24",
-    output: Annotated[Path | None, typer.Option("-o", "--output", help="Save the curve as .npz, .csv or .mat.")] = None,
+    output: Output = None,
     plot: Figure = None,
     measure: ShownMeasure = None,
     dimensionless: Dimensionless = False,
@@ -178,8 +172,6 @@ def speed(
 
     Exit codes: 0 the end was reached, 2 bad input, 3 stopped early (all traced points are saved).
     """
-    check_writable(output, BRANCHES)
-    check_writable(plot, FIGURES)
     model = chosen_model(file, changes)
     if model.scales is None:
         raise ValueError(
@@ -217,36 +209,30 @@ def results(
     dof: Annotated[
         str | None, typer.Option(help="Coordinate whose acceleration is computed, by number or name.")
     ] = None,
-    output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Save all quantities of all points as .csv.")
-    ] = None,
+    output: Annotated[Path | None, output_option("Save all quantities of all points as .csv.", ".csv")] = None,
     plot: Figure = None,
 ) -> None:
     """Compute forces, dynamic factor, transmission error, reactions and acceleration along a saved curve, with units.
 
     Exit codes: 0 done, 2 bad input.
     """
-    check_writable(output, (".csv",))
-    check_writable(plot, FIGURES)
-    branch, element_id, _ = loaded(file, "pp2", element)
+    branch, _ = loaded(file, "pp2", element)
     axis = int(dof) if dof is not None and dof.isdecimal() else dof
     problem = problem_in(branch, model) if model else problem_along(branch)
     curves = [dataclasses.replace(curve, problem=problem, others=()) for curve in branch.curves]
-    by_curve = [hb.analysis.machine_quantities(curve, element_id, axis) for curve in curves]
+    by_curve = [hb.analysis.machine_quantities(curve, element, axis) for curve in curves]
     quantities, title = _joined_quantities(by_curve), by_curve[0].title(quantity)
     with outputs() as out:
         out.write(output, quantities.save)
         together = dataclasses.replace(curves[0], others=tuple(curves[1:]))
-        out.figure(plot, lambda drawing: drawing.response(together, quantity, element_id, dof=axis))
+        out.figure(plot, lambda drawing: drawing.response(together, quantity, element, dof=axis))
         print_table(["quantity", "largest of stable motions", f"at {position_headers(branch)[0]}"],
                     list(_largest(curves, quantities)))  # fmt: skip
         rows = []
         for number, landed in enumerate(landings(curves), 1):
             for jump in (landing.jump for landing in landed):
                 ends = (
-                    float(hb.analysis.machine_quantities(end, element_id, axis, problem)[quantity][0])
-                    if end
-                    else np.nan
+                    float(hb.analysis.machine_quantities(end, element, axis, problem)[quantity][0]) if end else np.nan
                     for end in (jump.before, jump.after)
                 )
                 direction = "increasing" if jump.direction > 0 else "decreasing"
@@ -306,48 +292,39 @@ def _trace_and_report(
     model = machine.model()
     curve = traced(hb.HarmonicBalance(model, count), "Omega", model.default_span)
 
-    def alternative(assumption: tuple[str, Callable[[], DrawnPair]], stop: Event) -> list[list[str]]:
+    def alternative(assumption: tuple[str, Callable[[], DrawnPair]], stop: Event) -> list[str]:
         name, changed = assumption
-        return [[name, *alternative_results(changed().equations, model.equations, curve, count, stop)]]
+        return [name, *alternative_results(changed().equations, model.equations, curve, count, stop)]
 
-    def subharmonics(stop: Event) -> list[list[str]]:
-        span = (float(curve.values.min()), PARAMETRIC_SPAN)
-        curves = (_parametric_curve(model, count), curve, *curve.others)
-        return [row for branch in curves for row in _subharmonics(model, branch, span, stop)]
-
-    works: list[Callable[[Event], list[list[str]]]] = [subharmonics]
-    works += [partial(alternative, assumption) for assumption in alternatives(model, by_default)]
-    long = model.mesh_order > 1
-    if long:  # each curve takes minutes
-        works = [_nothing]
-    with begun(_do, works) as (doubled, *rows), outputs() as out:
+    works: list[Callable[[Event], Any]] = []
+    if model.mesh_order == 1:  # otherwise each curve takes minutes
+        works = [partial(subharmonics, model, curve, count)]
+        works += [partial(alternative, assumption) for assumption in alternatives(model, by_default)]
+    with begun(lambda work, stop: work(stop), works) as results, outputs() as out:
         out.write(output, lambda path: write_machine(machine, path, ("A gear pair; see hbgear trace, hbgear speed.",)))
         out.figure(plot, methodcaller("drive", cycle, curve))
-        print_table(["gears", "pinion", "wheel"], list(_gears(machine.pair)))
-        print_table(["mesh", ""], list(_mesh(machine, cycle, model)))
-        computed = [row for future in rows for row in future.result()]
+        print_table(["gears", "pinion", "wheel"], list(gear_tables.gears(machine.pair)))
+        print_table(["mesh", ""], list(gear_tables.mesh(machine, cycle, model)))
+        computed = [future.result() for future in results[1:]]
         damping = [row for row in computed if row[0].startswith("damping")]
         first = [f"damping {machine.damping:g}, as computed", *factor_and_jumps(model, curve)]
         print_table(["damping ratio", "largest dynamic factor", JUMPS], [first, *damping], DAMPING_RANGE)
-        subharmonic_rows = doubled.result()
-        other_ranges = [
-            (float(a), float(b)) for row in subharmonic_rows for a, b in re.findall(r"(\d+) to (\d+)", row[1])
-        ]
+        doubled = results[0].result() if results else []
+        other_ranges = [span for motions in doubled for span in motions.ranges]
         show_speeds(model, curve, dimensionless, other_ranges)
         if getattr(model.equations, "contacts", None) is not None and machine.torque:
-            print_table(["pairs of teeth", ""], list(_teeth(machine, model, curve)))
+            print_table(["pairs of teeth", ""], list(gear_tables.teeth(machine, model, curve)))
         if machine.friction:
-            print_table(["friction between the teeth", ""], list(_losses(machine, curve)))
-        if subharmonic_rows:
+            print_table(["friction between the teeth", ""], list(gear_tables.losses(machine, curve)))
+        if doubled:
             headers = ["begins at", "stable at pinion r/min", "largest dynamic factor"]
-            print_table(
-                headers, subharmonic_rows, "other motions of twice the mesh period, which may be reached instead"
-            )
+            rows = [[f"{x.begin:.0f} r/min", numbers_text(x.ranges), rounded(x.factor, 3)] for x in doubled]
+            print_table(headers, rows, "other motions of twice the mesh period, which may be reached instead")
         first[0] = "as computed"
         print_assumptions([first, *(row for row in computed if row not in damping)])
         helpful = [(MEASURES[row[0]], _number_in(row[1])) for row in computed if row[0] in MEASURES]
         print_text(recommendation(model, curve, helpful, _number_in(first[1]), other_ranges))
-        if long:
+        if not works:
             print_text("With torque orders, run-out or pitch errors of single teeth, other assumptions and motions of "
                        "twice the period are not computed: every curve takes minutes.")  # fmt: skip
     return curve
@@ -393,117 +370,6 @@ def _plain(text: str) -> Any:
         return text
 
 
-def _orders_text(machine: Machine) -> str:
-    """Return the amplitudes of the torque orders of the pinion."""
-    return "".join(f", order {order:g} of the torque {size:g} N m" for order, size, _ in machine.torque_orders)
-
-
-def _gears(pair: hb.GearPair) -> Iterator[list[str]]:
-    gears = (pair.pinion, pair.wheel)
-    kinds = (" (ring)" if g.internal else " (rack)" if g.rack else "" for g in gears)
-    yield ["teeth", *(f"{g.teeth}{kind}" for g, kind in zip(gears, kinds, strict=True))]
-    yield ["normal module [mm], face width [mm]", *(f"{g.module * 1e3:g}, {g.face_width * 1e3:g}" for g in gears)]
-    if pair.pinion.helix_angle:
-        yield ["helix [deg]", *(f"{degrees(abs(g.helix_angle)):g} {g.hand}" for g in gears)]
-    yield ["profile shift [module]", *(f"{g.profile_shift:g}" for g in gears)]
-    for name in ("reference", "base", "tip_diameter_used", "root"):
-        values = (getattr(g, name if "used" in name else f"{name}_diameter") for g in gears)
-        yield [f"{name.partition('_')[0]} diameter [mm]", *(
-            "-" if g.rack else f"{value * 1e3:.4f}" for g, value in zip(gears, values, strict=True)
-        )]  # fmt: skip
-    if pair.wheel.rack:
-        w = pair.wheel
-        heights = ((d - w.reference_diameter) / 2 * 1e3 for d in (w.tip_diameter_used, w.root_diameter))
-        yield ["tip, root over the reference line [mm]", "-", "{:.4f}, {:.4f}".format(*heights)]
-    yield ["mass [kg] (solid)", *(f"{g.mass_used:.4g}" for g in gears)]
-    yield ["inertia [kg m^2] (solid)", *("-" if g.rack else f"{g.inertia_used:.4g}" for g in gears)]
-
-
-def _mesh(machine: Machine, cycle: hb.gears.MeshCycle, model: DrawnPair) -> Iterator[list[str]]:
-    from hbgear.gears.mesh.iso_stiffness import iso_stiffness
-    from hbgear.gears.mesh.tooth_mesh import tooth_mesh
-
-    pair, scales = machine.pair, model.scales
-    assert scales is not None
-    iso = iso_stiffness(pair)
-    heading = "distance of the rack from the axis" if pair.wheel.rack else "centre distance"
-    yield [heading, f"{pair.mounting_distance * 1e3:.4f} mm, "
-           f"working pressure angle {degrees(pair.working_pressure_angle):.4f} deg"]  # fmt: skip
-    overlap = f", overlap {pair.overlap_ratio:.4f}" if pair.overlap_ratio else ""
-    yield ["contact ratio", f"{pair.contact_ratio:.5f} transverse{overlap}"]
-    sizes = ", ".join(f"{pair.backlash_as(measure) * 1e6:.1f} {measure}" for measure in ("circumferential", "normal"))
-    yield ["backlash [um]", f"{sizes}; half gap along the line of action {pair.half_backlash * 1e6:.1f}"]
-    yield ["force along the line of action", f"{pair.transverse_force(machine.torque):.1f} N" + _orders_text(machine)]
-    k = cycle.stiffness
-    yield ["mesh stiffness", f"{k.mean:.4g} N/m mean ({k.mean / pair.face_width / 1e9:.2f} N/(mm um)), "
-           f"{k.value.min():.4g} to {k.value.max():.4g}"]  # fmt: skip
-    k_0 = tooth_mesh(pair, machine.mesh_torque).stiffness
-    yield ["stiffness, all gaps closed", f"{k_0:.4g} N/m mean, to which the damping ratio refers"]
-    yield ["by ISO 6336-1, method B", f"{iso.mesh * pair.face_width:.4g} N/m "
-           f"(c' {iso.single / 1e9:.2f}, c_gamma {iso.mesh / 1e9:.2f} N/(mm um))"]  # fmt: skip
-    yield ["static transmission error", f"{cycle.peak_to_peak * 1e6:.2f} um peak to peak"]
-    yield ["natural frequency", f"{scales.frequency / (2 * pi):.1f} Hz of the mesh, "
-           f"{float(scales.pinion_speed(1 / model.mesh_order)):.0f} r/min of the pinion"]  # fmt: skip
-
-
-def _teeth(machine: Machine, model: hb.mechanics.Model, curve: hb.Branch) -> Iterator[list[str]]:
-    """Yield the largest loads of a pair of teeth on stable motions."""
-    mesh, scales = hb.gears.tooth_mesh(machine.pair, machine.mesh_torque), model.scales
-    assert scales is not None
-    candidates = [(hb.analysis.tooth_loads(point, mesh), point) for point in largest_motions(curve)]
-    loads, point = max(candidates, key=lambda entry: entry[0].force_factor)
-    number, position = loads.largest
-    speed = float(scales.pinion_speed(point.parameters["Omega"]))
-    yield ["largest force of a pair", f"{loads.force.max():.0f} N, {loads.force_factor:.2f} times the static force of "
-           f"{loads.static.force.max():.0f} N, at {speed:.0f} r/min"]  # fmt: skip
-    limits = {float(scales.pinion_speed(x)) for branch in curve.curves for x in branch.asymptotes.values()}
-    if limits:
-        speeds = " and ".join(f"{limit:.0f}" for limit in sorted(limits))
-        yield ["not included", f"motions that grow without bound near {speeds} r/min"]
-    pairs = len(loads.force)
-    pair_text = "every pair" if pairs == 1 else f"pair {number + 1} of {pairs} that follow each other"
-    yield ["it acts on", f"{pair_text}, {position:.2f} mesh periods after the pair enters contact"]
-    for name, stress, factor in zip(("pinion", "wheel"), loads.root_stress, loads.root_factor, strict=True):
-        if np.isfinite(factor):
-            yield [f"largest root stress, {name}", f"{stress.max() / 1e6:.1f} N/mm^2 (ISO 6336-3, nominal), "
-                   f"{factor:.2f} times the static one"]  # fmt: skip
-    other_flank = "back" if loads.side > 0 else "driving"
-    back = "none" if not loads.back.any() else f"{loads.back.max():.0f} N at most"
-    yield [
-        "separated",
-        f"{loads.separated.max():.0%} of the path of contact; contact on the {other_flank} flank: {back}",
-    ]
-
-
-def _losses(machine: Machine, curve: hb.Branch) -> Iterator[list[str]]:
-    """Yield the static efficiency and the efficiency and power loss of stable motions."""
-    from hbgear.gears.mesh.tooth_friction import friction_mesh
-    from hbgear.gears.mesh.tooth_mesh import tooth_mesh
-
-    side = 1 if machine.torque >= 0 else -1
-    static = friction_mesh(tooth_mesh(machine.pair, machine.mesh_torque), machine.friction, side).output
-    yield ["static efficiency", f"{static if side > 0 else 1 / static:.4%}"]
-    q = hb.analysis.machine_quantities(curve)
-    stable = np.asarray(q.columns.get("stable", np.ones(len(curve)))).astype(bool)
-    if not stable.any():
-        return
-    rpm, loss = q["pinion"], q["power loss"]
-    for name, i in (("lowest", int(np.argmin(rpm))), ("highest", int(np.argmax(np.where(stable, rpm, -1.0))))):
-        if stable[i]:
-            yield [
-                f"{name} speed, {rpm[i]:.0f} r/min",
-                f"efficiency {q['efficiency'][i]:.4%}, loss {loss[i]:.1f} W",
-            ]
-    i = int(np.argmin(np.where(stable, q["efficiency"], np.inf)))
-    yield [f"lowest efficiency, {rpm[i]:.0f} r/min", f"{q['efficiency'][i]:.4%}, loss {loss[i]:.1f} W; friction "
-           f"across the line of action {q['friction across, largest'][i]:.0f} N"]  # fmt: skip
-
-
-def _nothing(_: Event) -> list[list[str]]:
-    """Return no rows."""
-    return []
-
-
 def _number_in(text: str) -> float:
     """Return a dynamic factor of a table; infinite if it is unbounded."""
     return float(text) if is_number(text) else math.inf
@@ -515,47 +381,6 @@ def without_contact_warning() -> Iterator[None]:
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", "no element comes near", hb.mechanics.ImplausibleInputWarning)
         yield
-
-
-def _do(work: Callable[[Event], list[list[str]]], stop: Event) -> list[list[str]]:
-    return work(stop)
-
-
-def _parametric_curve(model: hb.mechanics.Model, count: int | str) -> hb.Branch:
-    """Return the curve above the usual span, in which the period doublings of the parametric resonance lie."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", hb.mechanics.ImplausibleInputWarning)  # no loss of contact there is usual
-        span = (PARAMETRIC_SPAN, model.default_span[0])
-        return hb.trace(hb.HarmonicBalance(model, count), "Omega", span, steps=LONG_STEPS, accuracy=None)
-
-
-def _subharmonics(
-    model: hb.mechanics.Model, curve: hb.Branch, span: tuple[float, float], stop: Event
-) -> Iterator[list[str]]:
-    """Yield the first speed, stable speeds and largest dynamic factor of each curve of twice the period.
-
-    A curve that ends at another period doubling is traced once.
-    """
-    scales, ends = model.scales, list[float]()
-    assert scales is not None
-    for point in curve.special:
-        if point.kind != "PD" or any(abs(end - point.parameters["Omega"]) < SAME_SPEED for end in ends):
-            continue
-        doubled = hb.switch(curve, point.label, span, steps=LONG_STEPS, special=False, accuracy=None,
-                            progress=until(stop))  # fmt: skip
-        ends.append(float(doubled.values[-1]))
-        stable = np.zeros(len(doubled), dtype=bool) if doubled.stable is None else doubled.stable.astype(bool)
-        rpm = scales.pinion_speed(doubled.values)
-        edges = np.flatnonzero(np.diff(np.concatenate([[False], stable, [False]]).astype(int)))
-        spans = merged((min(rpm[a], rpm[b - 1]), max(rpm[a], rpm[b - 1]))
-                       for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a > 1)  # fmt: skip
-        if not spans:
-            continue
-        largest = np.argsort(doubled.amplitude("max") * stable)[-FACTOR_CANDIDATES:]
-        factor = max(hb.analysis.dynamic_factor(model, doubled[int(i)]) for i in largest if stable[i])
-        speeds = ", ".join(f"{low:.0f} to {high:.0f}" for low, high in spans)
-        begin = float(scales.pinion_speed(point.parameters["Omega"]))
-        yield [f"{begin:.0f} r/min", speeds, rounded(factor, 3)]
 
 
 # ---- input

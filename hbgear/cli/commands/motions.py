@@ -10,7 +10,6 @@ import typer
 import hbgear as hb
 from hbgear.analysis.quantities.axis_quantities import Abscissa, OmegaAxis, Ordinate, factor_of
 from hbgear.cli import complete as cli_complete
-from hbgear.cli.commands.files import BRANCHES, FIGURES, check_writable, outputs
 from hbgear.cli.options import (
     Changes,
     Dimensionless,
@@ -27,10 +26,10 @@ from hbgear.cli.options import (
     range_option,
 )
 from hbgear.cli.output import exit_code, print_table, show_branch
+from hbgear.cli.output_files import outputs
 from hbgear.cli.quantities import number_of
 from hbgear.cli.support import (
     chosen_model,
-    element_of,
     harmonics_of,
     load_with_problem,
     longer_span,
@@ -72,13 +71,10 @@ def backbone(
 
     Exit codes: 0 the end was reached, 2 bad input, 3 stopped early (results so far are shown and saved).
     """
-    check_writable(output, BRANCHES)
-    check_writable(plot, FIGURES)
     low, colon, high = amplitudes.partition(":")
     if not colon:
         raise ValueError(f"--amplitudes {amplitudes}: need FROM:TO, such as 0.01:1")
     span = number_of("--amplitudes", low), number_of("--amplitudes", high)
-    element_id = element_of(element)
     machine = chosen_model(model, changes)
     curve = hb.analysis.backbone(machine, mode, span, harmonics=_fixed(harmonics))
     axis, length = OmegaAxis.of(machine, dimensionless), None if dimensionless else length_scale(machine, {})
@@ -86,9 +82,9 @@ def backbone(
     with outputs() as out:
         out.branch(output, curve)
         draw = {"stability": stability, "dimensionless": dimensionless}
-        out.figure(plot, lambda drawing: drawing.backbone(curve, measure, element_id, **draw))
+        out.figure(plot, lambda drawing: drawing.backbone(curve, measure, element, **draw))
         print(f"backbone of mode {mode}: {len(curve)} points; {curve.message}")
-        heights = factor_of(measure, length) * curve.amplitude(measure, element_id)
+        heights = factor_of(measure, length) * curve.amplitude(measure, element)
         rows = [
             [axis.number(curve.tracked["Omega"][i]), f"{curve.tracked['modal_damping'][i]:.4g}", f"{heights[i]:.5g}"]
             for i in _shown_rows(len(curve))
@@ -128,9 +124,7 @@ def cycles(
 
     Exit codes: 0 the end was reached, 2 bad input or no Hopf point, 3 stopped early (results so far are shown).
     """
-    check_writable(output, BRANCHES)
-    check_writable(plot, FIGURES)
-    machine, element_id = chosen_model(model, changes), element_of(element)
+    machine = chosen_model(model, changes)
     name, span = range_of(within, machine)
     points = hb.analysis.hopf_points(machine, name, span)
     if not points:
@@ -141,10 +135,10 @@ def cycles(
     curve = hb.analysis.limit_cycles(machine, points[0], span, harmonics=_fixed(harmonics), length=length)
     with outputs() as out:
         out.branch(output, curve)
-        out.figure(plot, lambda drawing: drawing.response(curve, measure, element_id, dimensionless=dimensionless))
+        out.figure(plot, lambda drawing: drawing.response(curve, measure, element, dimensionless=dimensionless))
         print(f"limit cycles from {name} = {points[0].value:.6g}: {len(curve)} points; {curve.message}")
-        _show_frequencies(curve, "Omega", measure, element_id, dimensionless)
-        show_branch(curve, measure, element_id, dimensionless=dimensionless)
+        _show_frequencies(curve, "Omega", measure, element, dimensionless)
+        show_branch(curve, measure, element, dimensionless=dimensionless)
     raise typer.Exit(exit_code(curve))
 
 
@@ -166,9 +160,7 @@ def torus(
 
     Exit codes: 0 the end was reached, 2 bad input, 3 stopped early (results so far are shown and saved).
     """
-    check_writable(output, BRANCHES)
-    check_writable(plot, FIGURES)
-    branch, element_id = load_with_problem(file, model), element_of(element)
+    branch = load_with_problem(file, model)
     span = None if first is None and last is None else longer_span(branch, None, first, last)
     is_torus_file = isinstance(branch.problem, hb.harmonic.TorusProblem)
     tori = hb.extend(branch, span) if is_torus_file else hb.analysis.torus(*on_curve(branch, label), span)
@@ -176,11 +168,11 @@ def torus(
         out.branch(output, tori)
         drawn_branches = [tori] if is_torus_file else [branch, tori]
         out.figure(
-            plot, lambda drawing: drawing.responses(drawn_branches, measure, element_id, dimensionless=dimensionless)
+            plot, lambda drawing: drawing.responses(drawn_branches, measure, element, dimensionless=dimensionless)
         )
         origin = f"{len(branch)} points of {file} continued" if is_torus_file else f"tori from {label} of {file}"
         print(f"{origin}: {len(tori)} points; {tori.message}")
-        _show_frequencies(tori, "Omega_2", measure, element_id, dimensionless)
+        _show_frequencies(tori, "Omega_2", measure, element, dimensionless)
     raise typer.Exit(exit_code(tori))
 
 
@@ -200,8 +192,6 @@ def follow(
 
     Exit codes: 0 the end was reached, 2 bad input, 3 stopped early (results so far are shown and saved).
     """
-    check_writable(output, BRANCHES)
-    check_writable(plot, FIGURES)
     branch = load_with_problem(file, model)
     name, span = range_of(within, model_of(branch))
     curve = hb.follow(*on_curve(branch, label), name, span)

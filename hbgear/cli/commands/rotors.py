@@ -10,9 +10,9 @@ import typer
 import hbgear as hb
 from hbgear.analysis.campbell_diagram import whirl_word
 from hbgear.analysis.quantities.axis_quantities import OmegaAxis
-from hbgear.cli.commands.files import FIGURES, check_writable, outputs
 from hbgear.cli.options import Changes, Dimensionless, Figure, First, Last, Model
 from hbgear.cli.output import print_table
+from hbgear.cli.output_files import outputs
 from hbgear.cli.support import assignments, chosen_model, span_of
 from hbgear.harmonic.models.frequency_units import MESH
 
@@ -48,7 +48,6 @@ def campbell(
     Gaps are open or closed as in the static equilibrium under the mean loads; --closed and --open change single
     elements. Rotors with gyroscopic terms have forward and backward whirl.
     """
-    check_writable(plot, FIGURES)
     chosen = chosen_model(model, changes)
     orders = {name: _number(name, text) for name, text in assignments("--order", order)} if order else None
     a, b = sorted(span_of(chosen, first, last))

@@ -11,8 +11,9 @@ import typer
 
 from hbgear.analysis.parameter_sensitivity.units import LENGTH
 from hbgear.analysis.quantities.axis_quantities import MICROMETRE
-from hbgear.cli.commands.files import outputs
+from hbgear.cli.options import output_option
 from hbgear.cli.output import print_table
+from hbgear.cli.output_files import outputs
 from hbgear.common.text.symbols import shown_unit
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 
 MaxRows = Annotated[int, typer.Option("--max-rows", min=1, help="Number of parameters in the table and the figure.")]
 
-Saved = Annotated[Path | None, typer.Option("-o", "--output", help="Save all derivatives as .csv.")]
+Saved = Annotated[Path | None, output_option("Save all derivatives as .csv.", ".csv")]
 
 SHARE_ROUNDING = 1e-6
 """Relative derivative that counts as zero: derivatives of a cusp are accurate to about 1e-7."""

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from hbgear.cli.commands.files import report_written
 from hbgear.cli.options import AllowCode
 from hbgear.cli.output import BAD_INPUT, STOPPED_EARLY, bar, print_message, print_table
+from hbgear.cli.output_files import report_written
 from hbgear.common.optional import needed
 
 if TYPE_CHECKING:

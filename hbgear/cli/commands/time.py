@@ -15,7 +15,6 @@ from hbgear.analysis.quantities.axis_quantities import (
     dimension_of,
     factor_of,
 )
-from hbgear.cli.commands.files import FIGURES, check_writable, outputs
 from hbgear.cli.options import (
     At,
     Changes,
@@ -30,19 +29,20 @@ from hbgear.cli.options import (
     Model,
     OtherCurves,
     OwnModel,
+    Table,
     Within,
+    element_of,
+    file_option,
 )
 from hbgear.cli.output import STOPPED_EARLY, bar, print_table
+from hbgear.cli.output_files import FIGURES, check_writable, outputs
 from hbgear.cli.quantities import is_number, number_of
-from hbgear.cli.support import check_landing, chosen_model, element_of, path_of, problem_in
+from hbgear.cli.support import chosen_model, path_of, problem_in
 from hbgear.common.units import to_si
 from hbgear.harmonic.models.frequency_units import Omega_of, length_scale, scales
 
 DISAGREES = 1
 """Exit code of a validation in which a point or jump disagrees."""
-
-
-Table = Annotated[Path | None, typer.Option("-o", "--output", help="Save all numbers as .csv.")]
 
 
 def register(app: typer.Typer) -> None:
@@ -74,11 +74,8 @@ def validate(
     """
     from hbgear.time.validation.validate import validate as validate_by_integration
 
-    check_writable(output, (".csv",))
-    check_writable(plot, FIGURES)
-    check_landing(landing)
-    branch, element_id = hb.load(file), element_of(element)
-    branch[0].amplitude("rms", element_id)
+    branch = hb.load(file)
+    branch[0].amplitude("rms", element)
     problem = None if model is None else problem_in(branch, model)
     other_curves = [hb.load(path) for path in other_branches or ()]
     with bar("points") as progress:
@@ -90,7 +87,7 @@ def validate(
         out.write(output, report.export)
         out.figure(
             plot if report.rows else None,
-            lambda drawing: drawing.validation(report, branch, element_id, dimensionless=dimensionless),
+            lambda drawing: drawing.validation(report, branch, element, dimensionless=dimensionless),
         )
         print_table(headers, rows, "harmonic balance against time integration")
         if report.jumps:
@@ -118,9 +115,9 @@ def sweep(
     ] = None,
     output: Table = None,
     plot: Annotated[
-        Path | None, typer.Option(help="Draw to a .png, .pdf or .svg.", show_default="FILE_sweep.png with --curve")
+        Path | None, file_option("Draw to a .png, .pdf or .svg.", FIGURES, default="FILE_sweep.png with --curve")
     ] = None,
-    bifurcation: Annotated[Path | None, typer.Option(help="Draw the Poincare points against the parameter.")] = None,
+    bifurcation: Annotated[Path | None, file_option("Draw the Poincare points against the parameter.", FIGURES)] = None,
     measure: Measure = "pp2",
     element: Element = "0",
     dimensionless: Dimensionless = False,
@@ -135,16 +132,14 @@ def sweep(
     from hbgear.time.validation.point_selection import same_model
 
     plot = plot or (curve_file.with_name(f"{curve_file.stem}_sweep.png") if curve_file else None)
-    check_writable(output, (".csv",))
-    for path in (plot, bifurcation):
-        check_writable(path, FIGURES)
-    machine, element_id = chosen_model(model, changes), element_of(element)
+    check_writable(plot, FIGURES)
+    machine = chosen_model(model, changes)
     parameter, span, fixed = path_of(machine, within, first, last, at)
     grid = np.linspace(*span, count)
     curve = hb.load(curve_file) if curve_file else None
     if curve is not None:
         same_model(curve.meta.get("model"), machine)
-        curve[0].amplitude(measure, element_id)
+        curve[0].amplitude(measure, element)
     settling = SteadyStateSettings(tolerance, max_periods)
     sweeps: list[Any] = []
     for direction in [name for name, selected in (("up", up or not down), ("down", down)) if selected]:
@@ -161,15 +156,15 @@ def sweep(
             out.figure(
                 plot,
                 lambda drawing: drawing.sweeps(
-                    sweeps, curve, measure, element_id, model=machine, dimensionless=dimensionless
+                    sweeps, curve, measure, element, model=machine, dimensionless=dimensionless
                 ),
             )
             out.figure(
                 bifurcation,
-                lambda drawing: drawing.bifurcation(sweeps, element_id, model=machine, dimensionless=dimensionless),
+                lambda drawing: drawing.bifurcation(sweeps, element, model=machine, dimensionless=dimensionless),
             )
         for s in sweeps:
-            _show(s, measure, element_id, machine, dimensionless)
+            _show(s, measure, element, machine, dimensionless)
     complete = bool(sweeps) and all(s.status.complete for s in sweeps)
     raise typer.Exit(0 if complete else STOPPED_EARLY)
 
@@ -190,7 +185,12 @@ def basins(
         typer.Option(metavar="COUNT COUNT", help="Numbers of initial states along both ranges, such as 60 60."),
     ] = (60, 60),
     element: Annotated[
-        str | None, typer.Option(help="Element of the coordinate, by number or name; required if there are several.")
+        Any,
+        typer.Option(
+            parser=element_of,
+            metavar="NUMBER|NAME",
+            help="Element of the coordinate, by number or name; required if there are several.",
+        ),
     ] = None,
     tolerance: Annotated[float, typer.Option(help="Largest remaining distance from the steady state.")] = 1e-6,
     max_periods: Annotated[
@@ -207,19 +207,14 @@ def basins(
     """
     from hbgear.time.steady_state import SteadyStateSettings
 
-    check_writable(output, (".csv",))
-    check_writable(plot, FIGURES)
     machine = chosen_model(model, changes)
     Omega, units = Omega_of(machine, "--omega", omega), machine.scales
     length, rate = (None, None) if units is None else (units.length, units.velocity)
     spans = _ends("--d", d, "m", length), _ends("--v", v, "m/s", rate)
-    settling, element_id = (
-        SteadyStateSettings(tolerance, max_periods, min(16, max_periods)),
-        None if element is None else element_of(element),
-    )
+    settling = SteadyStateSettings(tolerance, max_periods, min(16, max_periods))
     with bar("basins") as progress:
         result = hb.time.basins(
-            machine, Omega, spans[0], spans[1], shape, element=element_id, settling=settling, progress=progress
+            machine, Omega, spans[0], spans[1], shape, element=element, settling=settling, progress=progress
         )
     with outputs() as out:
         out.write(output, result.export)

@@ -7,7 +7,7 @@ critical speed n = 60 f / order of a natural frequency f, for the orders of the 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
@@ -18,26 +18,32 @@ import hbgear as hb
 from hbgear.analysis.jump_landings import landings
 from hbgear.analysis.quantities.axis_quantities import Ordinate
 from hbgear.analysis.summary import digits_of, leaving_lines, text_at
+from hbgear.cli.machine_report.speed_ranges import (
+    Ranges,
+    contact_lost,
+    jumps_possible,
+    merged,
+    meshes_of,
+    outside,
+    scales_of,
+    speed_span,
+    speeds_text,
+    without_stable_motion,
+)
 from hbgear.cli.output import print_table, print_text
 from hbgear.cli.support import label_on_curve
 from hbgear.common.arrays import Array
 from hbgear.common.text.digits import rounded
-from hbgear.harmonic.equations.layout import layout_of
 
 MIN_PROMINENCE = 1.15
 """Peak over the larger of the minima on both sides, above which it is a resonance."""
 
-SHORTEST_RANGE = 1e-3
-"""Width of a range of speeds without a stable motion, over its highest speed, that is reported; next to special points
-the points of a curve leave shorter ones."""
 
 SAME_PEAK = 0.01
 """Relative difference of the speeds of a peak and of a jump that ends its branch."""
 
 ACCURACY_GRADE = 6
 """Accuracy grade of ISO 1328 for the factor K_v and for the pitch error of an alternative: usual for ground gears."""
-
-Ranges = list[tuple[float, float]]
 
 
 @dataclass(frozen=True)
@@ -77,7 +83,7 @@ def resonances(model: hb.mechanics.Model, curve: hb.Branch) -> list[Resonance]:
     Of resonances of several meshes at the same speed, the one with the largest dynamic factor is returned.
     """
     all_resonances = [
-        r for branch in curve.curves for name in _meshes(model) for r in _mesh_resonances(model, branch, name)
+        r for branch in curve.curves for name in meshes_of(model) for r in _mesh_resonances(model, branch, name)
     ]
     distinct: list[Resonance] = []
     for r in sorted(all_resonances, key=lambda r: np.nan_to_num(-r.factor)):
@@ -86,15 +92,9 @@ def resonances(model: hb.mechanics.Model, curve: hb.Branch) -> list[Resonance]:
     return sorted(distinct, key=lambda r: r.speed)
 
 
-def _meshes(model: hb.mechanics.Model) -> Sequence[int | str]:
-    """Return the names of the meshes of a model, or the number of the first element."""
-    return model.mesh_names or [0]
-
-
 def _mesh_resonances(model: hb.mechanics.Model, branch: hb.Branch, mesh: int | str) -> Iterator[Resonance]:
     """Yield the resonances of a mesh along a branch."""
-    scales = model.scales
-    assert scales is not None
+    scales = scales_of(model)
     size = Ordinate("dte", mesh).along(branch)
     stable = np.ones(len(branch), bool) if branch.stable is None else np.asarray(branch.stable, bool)
     jumps = [jump.value for jump in branch.jumps()]
@@ -132,100 +132,6 @@ def _peaks(size: Array, stable: Array) -> list[int]:
     return peaks
 
 
-def contact_lost(model: hb.mechanics.Model, curve: hb.Branch) -> Ranges:
-    """Return the ranges of the pinion speed [r/min] in which a known motion loses the contact of teeth of a mesh."""
-    names = _meshes(model)
-
-    def lost(branch: hb.Branch) -> Array:
-        layout, regime = layout_of(branch), np.asarray(branch.regime)
-        columns = [layout.index(name) if layout else 0 for name in names]
-        return np.asarray((regime[:, columns] > 0).any(axis=1))
-
-    return merged(part for branch in curve.curves for part in _speed_ranges(model, branch, lost(branch)))
-
-
-def without_stable_motion(model: hb.mechanics.Model, curve: hb.Branch) -> Ranges:
-    """Return the ranges of the pinion speed [r/min] in which no stable motion of the period of the curve is known."""
-    if any(branch.stable is None for branch in curve.curves):
-        return []
-    return _longer(outside(_with_stability(model, curve, True), *_speed_span(model, curve)))
-
-
-def jumps_possible(model: hb.mechanics.Model, curve: hb.Branch, excluded: Ranges) -> Ranges:
-    """Return the ranges of the pinion speed [r/min] with unstable motions, between folds, outside known ranges.
-
-    The motions on both sides of an unstable one coexist, and jumps lead from one to the other.
-    """
-    unstable = _with_stability(model, curve, False)
-    return _longer(part for low, high in unstable for part in outside(excluded, low, high))
-
-
-def _with_stability(model: hb.mechanics.Model, curve: hb.Branch, stable: bool) -> Ranges:
-    """Return the ranges of the pinion speed [r/min] in which a stable, or an unstable motion is known."""
-    branches = [branch for branch in curve.curves if branch.stable is not None]
-    return merged(
-        part for branch in branches for part in _speed_ranges(model, branch, np.asarray(branch.stable, bool) == stable)
-    )
-
-
-def _longer(ranges: Iterable[tuple[float, float]]) -> Ranges:
-    """Return the ranges that are longer than `SHORTEST_RANGE`."""
-    return [(low, high) for low, high in ranges if high - low > SHORTEST_RANGE * high]
-
-
-def _speed_span(model: hb.mechanics.Model, curve: hb.Branch) -> tuple[float, float]:
-    """Return the lowest and the highest pinion speed [r/min] of a curve and the other curves of its span."""
-    assert model.scales is not None
-    values = np.concatenate([branch.values for branch in curve.curves])
-    return float(model.scales.pinion_speed(float(values.min()))), float(model.scales.pinion_speed(float(values.max())))
-
-
-def _speed_ranges(model: hb.mechanics.Model, branch: hb.Branch, holds: Array) -> Ranges:
-    """Return the ranges of the pinion speed [r/min] between neighbouring points at which a condition holds."""
-    assert model.scales is not None
-    speeds = np.asarray(model.scales.pinion_speed(branch.values))
-    pairs = (speeds[i : i + 2] for i in np.flatnonzero(holds[:-1] & holds[1:]))
-    return [(float(min(pair)), float(max(pair))) for pair in pairs]
-
-
-def merged(ranges: Iterable[tuple[float, float]]) -> Ranges:
-    """Return the union of ranges as ranges that do not overlap.
-
-    Examples
-    --------
-    >>> merged([(5.0, 7.0), (1.0, 2.0), (6.0, 9.0)])
-    [(1.0, 2.0), (5.0, 9.0)]
-    """
-    union: Ranges = []
-    for low, high in sorted(ranges):
-        if union and low <= union[-1][1]:
-            union[-1] = union[-1][0], max(union[-1][1], high)
-        else:
-            union.append((low, high))
-    return union
-
-
-def outside(ranges: Ranges, low: float, high: float) -> Ranges:
-    """Return the parts of the range from low to high that are in none of the ranges.
-
-    Examples
-    --------
-    >>> outside([(1.0, 2.0), (5.0, 9.0)], 0.0, 10.0)
-    [(0.0, 1.0), (2.0, 5.0), (9.0, 10.0)]
-    """
-    gaps, start = [], low
-    for a, b in [*ranges, (high, high)]:
-        if min(a, high) > start:
-            gaps.append((start, min(a, high)))
-        start = max(start, b)
-    return gaps
-
-
-def speeds_text(ranges: Ranges) -> str:
-    """Return ranges of the speed as text."""
-    return ", ".join(f"{low:.0f} to {high:.0f}" for low, high in ranges) + " r/min"
-
-
 def show_speeds(
     model: hb.mechanics.Model, curve: hb.Branch, dimensionless: bool = False, other_ranges: Ranges | None = None
 ) -> None:
@@ -247,8 +153,6 @@ def show_speeds(
     ValueError
         If the model has no scales.
     """
-    if model.scales is None:
-        raise ValueError("the model has no scales, so its speeds in r/min are unknown")
     _show_resonances(model, curve)
     _show_jumps(model, curve, dimensionless)
     for number, branch in enumerate(curve.curves, 1):
@@ -259,18 +163,17 @@ def show_speeds(
 
 
 def _show_resonances(model: hb.mechanics.Model, curve: hb.Branch) -> None:
-    assert model.scales is not None
-    several = len(_meshes(model)) > 1
+    scales, several = scales_of(model), len(meshes_of(model)) > 1
     rows = [
-        [f"{r.speed:.0f}", f"{float(model.scales.mesh_frequency(r.point.parameters['Omega'])):.0f}",
+        [f"{r.speed:.0f}", f"{float(scales.mesh_frequency(r.point.parameters['Omega'])):.0f}",
          *([str(r.mesh)] if several else []), _number_or_dash(r.factor), rounded(r.transmission_error, 3),
          f"{r.force:.0f}", "before a jump" if r.ends else ""]
         for r in resonances(model, curve)
     ]  # fmt: skip
     for branch in curve.curves:
-        if branch.status == hb.Status.UNBOUNDED and (branch.stable is None or branch.stable[-1]):
+        if is_unbounded(branch):
             end = branch.asymptotes.get("last", float(branch.values[-1]))
-            speeds = [float(convert(end)) for convert in (model.scales.pinion_speed, model.scales.mesh_frequency)]
+            speeds = [float(convert(end)) for convert in (scales.pinion_speed, scales.mesh_frequency)]
             mesh = ["-"] if several else []
             rows.append([*(f"{x:.0f}" for x in speeds), *mesh, *["unbounded"] * 3, "more damping would limit it"])
     rows.sort(key=lambda row: float(row[0]))
@@ -288,28 +191,19 @@ def _number_or_dash(value: float) -> str:
 
 
 def _show_jumps(model: hb.mechanics.Model, curve: hb.Branch, dimensionless: bool) -> None:
-    scales, pair = model.scales, getattr(model, "pair", None)
-    assert scales is not None
+    scales, pair = scales_of(model), getattr(model, "pair", None)
     rows = []
     branches = curve.curves
     for number, branch_landings in enumerate(landings(branches), 1):
         for jump in (landing.jump for landing in branch_landings):
             digits = digits_of(jump.before, 6)
             factors = [factor_text(model, point, min(digits, 3)) for point in (jump.before, jump.after)]
-            rpm = rounded(float(scales.pinion_speed(jump.value)), digits)
+            speed = float(scales.pinion_speed(jump.value))
             hertz = rounded(float(scales.mesh_frequency(jump.value)), digits)
             direction = "increasing" if jump.direction > 0 else "decreasing"
             Omega = [text_at(jump.before, "Omega")] if dimensionless else []
-            row = [
-                label_on_curve(number, jump),
-                rpm,
-                hertz,
-                *Omega,
-                direction,
-                *factors,
-            ]
+            row = [label_on_curve(number, jump), rounded(speed, digits), hertz, *Omega, direction, *factors]
             if pair is not None:
-                speed = float(scales.pinion_speed(jump.value))
                 row.append(f"{float(hb.gears.iso_dynamic_factor(pair, mesh_torque(model), speed, ACCURACY_GRADE)):.2f}")
             rows.append(row)
     if not rows:
@@ -318,7 +212,7 @@ def _show_jumps(model: hb.mechanics.Model, curve: hb.Branch, dimensionless: bool
     headers = ["", "pinion r/min", "mesh Hz", *(["Omega"] if dimensionless else []), "sweep", "dynamic factor before",
                "after"]  # fmt: skip
     title = "jumps of a slow sweep; dynamic factor = largest / static force of the mesh"
-    title += " with the largest one" if len(_meshes(model)) > 1 else ""
+    title += " with the largest one" if len(meshes_of(model)) > 1 else ""
     if pair is not None:
         headers.append("K_v")
         title += f"; K_v of ISO 6336-1, method B, grade {ACCURACY_GRADE}"
@@ -333,7 +227,7 @@ def mesh_torque(model: Any) -> float:
 
 
 def _show_ranges(model: hb.mechanics.Model, curve: hb.Branch, other_ranges: Ranges) -> None:
-    low, high = _speed_span(model, curve)
+    low, high = speed_span(model, curve)
     lost = merged([*contact_lost(model, curve), *other_ranges])
     unknown = without_stable_motion(model, curve)
     avoided = merged([*lost, *unknown])
@@ -354,8 +248,7 @@ def _show_ranges(model: hb.mechanics.Model, curve: hb.Branch, other_ranges: Rang
 
 
 def _show_critical(model: hb.mechanics.Model, curve: hb.Branch) -> None:
-    scales, pair = model.scales, getattr(model, "pair", None)
-    assert scales is not None
+    scales, pair = scales_of(model), getattr(model, "pair", None)
     if pair is None:
         return
     Omega = float(np.max(np.abs(curve.values)))
@@ -378,12 +271,17 @@ def _show_critical(model: hb.mechanics.Model, curve: hb.Branch) -> None:
         print_table(["natural frequency [Hz]", *orders], rows, title)
 
 
+def is_unbounded(branch: hb.Branch) -> bool:
+    """Return whether the stable motions of a branch grow without bound."""
+    return branch.status == hb.Status.UNBOUNDED and (branch.stable is None or bool(branch.stable[-1]))
+
+
 def factor_text(model: hb.mechanics.Model, point: hb.Point | None, digits: int) -> str:
     """Return the largest dynamic factor of the meshes at a point; "-" without a point or a static force."""
     if point is None:
         return "-"
     factors = []
-    for name in _meshes(model):
+    for name in meshes_of(model):
         with suppress(ValueError):
             factors.append(hb.analysis.dynamic_factor(model, point, name))
     return rounded(max(factors), digits) if factors else "-"

@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import hbgear as hb
-from hbgear.cli.commands.machine_report import ACCURACY_GRADE
+from hbgear.cli.machine_report.speed_ranges import scales_of
+from hbgear.cli.machine_report.speeds import ACCURACY_GRADE, is_unbounded
 from hbgear.cli.output import print_table
 from hbgear.common.process.threads import begun
 from hbgear.common.text.digits import rounded
@@ -59,11 +60,10 @@ def alternative_results(
 
     The curve is reused if the model differs in scales only, and no range is given.
     """
-    assert changed.scales is not None
     is_reusable = speeds is None and hasattr(changed, "reference") and changed.replace(
         reference=getattr(model, "reference", ())) == model  # fmt: skip
     if not is_reusable:
-        problem, unit = hb.HarmonicBalance(changed, count), float(changed.scales.pinion_speed(1.0))
+        problem, unit = hb.HarmonicBalance(changed, count), float(scales_of(changed).pinion_speed(1.0))
         span = changed.default_span if speeds is None else (speeds[0] / unit, speeds[1] / unit)
         curve = hb.trace(problem, "Omega", span, steps=LONG_STEPS, accuracy=None,
                          progress=until(stop))  # fmt: skip
@@ -144,8 +144,7 @@ def show_assumptions(model: DrawnPair, curve: hb.Branch, count: int | str, span:
     span : tuple of float
         Range of Omega.
     """
-    assert model.scales is not None
-    low, high = (float(model.scales.pinion_speed(end)) for end in span)
+    low, high = (float(scales_of(model).pinion_speed(end)) for end in span)
 
     def row(assumption: tuple[str, Callable[[], DrawnPair]], stop: Event) -> list[str]:
         name, changed = assumption
@@ -167,17 +166,15 @@ _MESH_WORDS = {"teeth": "mesh of tooth pairs", "secant": "one stiffness, secant"
 
 
 def _jump_speeds(model: hb.mechanics.Model, curve: hb.Branch) -> str:
-    assert model.scales is not None
     jumps = [jump for branch in curve.curves for jump in branch.jumps()]
-    speeds = sorted((float(model.scales.pinion_speed(jump.value)), jump.direction) for jump in jumps)
+    speeds = sorted((float(scales_of(model).pinion_speed(jump.value)), jump.direction) for jump in jumps)
     return ", ".join(f"{rpm:.0f}{'+' if direction > 0 else '-'}" for rpm, direction in speeds) or "none"
 
 
 def largest_factor(model: hb.mechanics.Model, curve: hb.Branch) -> str:
     """Return the largest dynamic factor of the stable points with the largest amplitudes."""
-    for branch in curve.curves:
-        if branch.status == hb.Status.UNBOUNDED and (branch.stable is None or branch.stable[-1]):
-            return "unbounded"
+    if any(map(is_unbounded, curve.curves)):
+        return "unbounded"
     return rounded(max(hb.analysis.dynamic_factor(model, point) for point in largest_motions(curve)), 3)
 
 

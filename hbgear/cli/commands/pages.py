@@ -11,9 +11,9 @@ import typer
 
 import hbgear as hb
 from hbgear.analysis.quantities.axis_quantities import kind_of
-from hbgear.cli.commands.files import check_writable, outputs
-from hbgear.cli.options import AllowCode, Changes, First, Last, OwnModel
+from hbgear.cli.options import AllowCode, Changes, First, Last, OwnModel, output_option
 from hbgear.cli.output import STOPPED_EARLY, bar, print_message
+from hbgear.cli.output_files import outputs
 from hbgear.cli.support import chosen_model, class_of, problem_in, span_of
 from hbgear.common.optional import needed
 from hbgear.harmonic.equations.layout import layout_of
@@ -44,7 +44,7 @@ def report(
     files: Annotated[
         list[Path], typer.Argument(metavar="FILE...", help="Curves saved by hbgear trace -o; also tori and backbones.")
     ],
-    output: Annotated[Path, typer.Option("-o", "--output", help="The page, .html.")] = Path("report.html"),
+    output: Annotated[Path, output_option("The page, .html.", ".html", ".htm")] = Path("report.html"),
     title: Annotated[str | None, typer.Option(help="Title of the page.", show_default="the model")] = None,
     validate: Annotated[
         int, typer.Option(min=0, help="Number of points of each file to validate by time integration.")
@@ -62,7 +62,6 @@ def report(
     """
     from hbgear.web.page import check_installed
 
-    check_writable(output, (".html", ".htm"))
     check_installed()
     branches = [hb.load(file) for file in files]
     checks = []

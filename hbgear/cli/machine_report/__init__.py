@@ -1,0 +1,1 @@
+"""Report on a machine: its gears, speeds, subharmonic motions and assumptions."""
