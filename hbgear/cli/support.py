@@ -22,6 +22,7 @@ from hbgear.cli.quantities import (
     parameter_value,
     value_in_model,
 )
+from hbgear.continuation.extend import traced_span
 from hbgear.continuation.results.interpolation import crossings_at
 from hbgear.harmonic.models import model_registry
 from hbgear.harmonic.models.frequency_units import Omega_of, model_of
@@ -166,7 +167,6 @@ def span_of(model: hb.mechanics.Model, first: str | None, last: str | None) -> t
 
 def longer_span(branch: hb.Branch, within: str | None, first: str | None, last: str | None) -> tuple[float, float]:
     """Return the span of a curve, in its own parameter, with the given ends replaced."""
-    a, b = branch.meta.get("trace", {}).get("span") or (branch.values[0], branch.values[-1])
     model = model_of(branch)
     if within is not None:
         name, (low, high) = range_of(within, model)
@@ -175,9 +175,9 @@ def longer_span(branch: hb.Branch, within: str | None, first: str | None, last: 
         return low, high
     if branch.parameter != "Omega" and (first is not None or last is not None):
         raise ValueError(f"this curve is in {branch.parameter}: give its range as --in {branch.parameter}=FROM:TO")
-    ends = [float(end) if text is None else _frequency(model, option, text)
-            for end, text, option in ((a, first, "--from"), (b, last, "--to"))]  # fmt: skip
-    return ends[0], ends[1]
+    a, b = traced_span(branch)
+    return (a if first is None else _frequency(model, "--from", first),
+            b if last is None else _frequency(model, "--to", last))  # fmt: skip
 
 
 def _frequency(model: hb.mechanics.Model | None, option: str, text: str) -> float:

@@ -13,7 +13,7 @@ from hbgear.continuation.curve.segment import BranchStart
 from hbgear.continuation.problem.adapter import as_problem
 from hbgear.continuation.problem.evaluation import AnyProblem
 from hbgear.continuation.results.branch import Branch
-from hbgear.continuation.results.concatenation import append_continuation, most_resolved, padded_to_common_size
+from hbgear.continuation.results.concatenation import append_continuation
 from hbgear.continuation.results.status import Status
 from hbgear.continuation.solvers.newton import NewtonSettings
 from hbgear.continuation.tracing.jumps import find_jumps
@@ -91,7 +91,7 @@ def _extended(
     problem = branch.continued_problem() if problem is None else problem
     if len(branch) < 2:
         raise _CompleteCurve(f"the branch has {len(branch)} points; its direction needs two: trace it again")
-    traced = branch.meta.get("trace", {}).get("span") or (float(branch.values[0]), float(branch.values[-1]))
+    traced = traced_span(branch)
     first, last = traced if span is None else sorted(map(float, span), reverse=traced[0] > traced[1])
     _check_end(branch, first, last)
     X_previous, X_last = (_unknowns(problem, branch, i) for i in (-2, -1))
@@ -99,9 +99,14 @@ def _extended(
     start = BranchStart(X_last, branch.parameters_at(-1), direction, bifurcating=False)
     options = {"stability": branch.multipliers is not None, **options}
     new = trace(problem, branch.parameter, (first, last), start, **options)
-    extended = append_continuation(*padded_to_common_size(branch, new))
-    extended = dataclasses.replace(extended, problem=most_resolved(branch, new))
+    extended = append_continuation(branch, new)
     return dataclasses.replace(extended, jump_records=find_jumps(extended, options.get("settings", NewtonSettings())))
+
+
+def traced_span(branch: Branch) -> tuple[float, float]:
+    """Return the span over which a branch was traced; from its first to its last point if it is unknown."""
+    first, last = branch.meta.get("trace", {}).get("span") or (branch.values[0], branch.values[-1])
+    return float(first), float(last)
 
 
 def _check_end(branch: Branch, first: float, last: float) -> None:

@@ -18,7 +18,7 @@ from hbgear.continuation.events.registry import event_of_kind
 from hbgear.continuation.events.residual_form import in_residual_form
 from hbgear.continuation.problem.adapter import as_problem
 from hbgear.continuation.results.branch import Branch
-from hbgear.continuation.results.concatenation import concatenate, most_resolved, padded_to_common_size
+from hbgear.continuation.results.concatenation import concatenate
 from hbgear.continuation.results.point import Point, SpecialPoint
 from hbgear.continuation.results.status import Status
 from hbgear.continuation.solvers.newton import NewtonSettings, NoConvergence
@@ -183,7 +183,7 @@ def trace_to_both_ends(
     if not low < value < high or forward.status in (Status.CLOSED, Status.INTERRUPTED):
         return forward
     backward = trace(equations, parameter, (span[1], span[0]), point, **options)
-    curve = replace(concatenate(*padded_to_common_size(backward, forward)), problem=most_resolved(backward, forward))
+    curve = concatenate(backward, forward)
     if not options.get("special", True):
         return curve
     return replace(curve, jump_records=find_jumps(curve, options.get("settings", NewtonSettings())))

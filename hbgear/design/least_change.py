@@ -28,6 +28,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hbgear.analysis.fold_curves import problem_of
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.process.progress import ProgressCallback
@@ -175,7 +176,7 @@ def redesign(
     >>> found.reached, found.curve.jumps(), found.values["zeta"] > 0.05
     (True, (), True)
     """
-    problem = model if isinstance(model, HarmonicBalance) else HarmonicBalance(model, harmonics)
+    problem = problem_of(model, harmonics)
     problem.require_fixed_resolution("redesign")
     if goal.parameter:
         problem.check_parameter(goal.parameter)

@@ -108,7 +108,7 @@ def start_state(problem: Any, X: Array, **parameters: float) -> Array:
     ndarray, shape (2n,)
         Displacements, then velocities, then the positions of friction sliders.
     """
-    phases = problem.compiled({name: x for name, x in parameters.items() if name != "Omega"}).piecewise.phases
+    phases = problem.compiled(parameters).piecewise.phases
     if not len(phases):
         return state_of(problem, X, **parameters)
     ends = np.append(phases, phases[0] + 2 * np.pi)

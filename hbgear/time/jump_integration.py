@@ -177,7 +177,7 @@ def jump_ends(branch: Branch, jump: Jump, settling: SteadyStateSettings = Steady
     )
     sets = [{**departure.parameters, jump.parameter: value} for value in values.tolist()]
     Omega = np.array([parameters["Omega"] for parameters in sets])
-    models = [problem.model.replace(**{k: x for k, x in parameters.items() if k != "Omega"}) for parameters in sets]
+    models = [problem.model_at(parameters) for parameters in sets]
     integrator = (
         ExponentialIntegrator(models[0], Omega) if jump.parameter == "Omega" else ExponentialIntegrator(models, Omega)
     )

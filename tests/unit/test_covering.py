@@ -70,9 +70,7 @@ def test_a_branch_passes_its_asymptote_and_hides_branches_within():
 def test_a_curve_that_is_whole_one_way_is_not_followed_back(monkeypatch, status):
     """Closed, or retraced to its beginning: the other way leads along the same curve."""
     asked = []
-    monkeypatch.setattr(coverage, "padded_to_common_size", lambda *branches: branches)
     monkeypatch.setattr(coverage, "concatenate", lambda *branches: branches[0])
-    monkeypatch.setattr(coverage, "most_resolved", lambda *branches: None)
     monkeypatch.setattr(coverage, "replace", lambda given, **changes: SimpleNamespace(**{**vars(given), **changes}))
 
     def follow(span, start):

@@ -297,7 +297,7 @@ def forces_along(branch: Branch, elements: Sequence[str] | None = None) -> tuple
 
 def element_force(problem: HarmonicBalance, X: Array, parameters: dict[str, float], index: int) -> Array:
     """Return samples of the force of the law of an element over a period."""
-    compiled = problem.compiled({name: value for name, value in parameters.items() if name != "Omega"})
+    compiled = problem.compiled(parameters)
     spring, prescribed = compiled.system.elements[index], compiled.piecewise.retained[:, index]
     return force_samples(spring, prescribed, problem.rows(X)[index], parameters["Omega"] / problem.nu, problem.nu)
 
@@ -364,7 +364,7 @@ def _of_motion(
 
     The largest force is the one in the direction of the static force.
     """
-    compiled = problem.compiled({name: value for name, value in parameters.items() if name != "Omega"})
+    compiled = problem.compiled(parameters)
     force = element_force(problem, X, parameters, index)
     static = float(force.mean())
     largest = float(force[np.argmax(force if static >= 0 else -force)])
@@ -381,7 +381,7 @@ def _friction(
 
     None without friction between teeth.
     """
-    compiled = problem.compiled({name: value for name, value in parameters.items() if name != "Omega"})
+    compiled = problem.compiled(parameters)
     spring, prescribed = compiled.system.elements[index], compiled.piecewise.retained[:, index]
     if not isinstance(spring.law, MeshContacts) or spring.law.sliding is None:
         return None
@@ -397,14 +397,13 @@ def _friction(
 
 def total_error(problem: HarmonicBalance, X: Array, parameters: dict[str, float], index: int) -> Array:
     """Return the coefficients of the dynamic transmission error d + e of an element."""
-    changed = {name: value for name, value in parameters.items() if name != "Omega"}
-    error: Array = problem.rows(X)[index] + _prescribed(problem, changed, index)
+    error: Array = problem.rows(X)[index] + _prescribed(problem, parameters, index)
     return error
 
 
-def _prescribed(problem: HarmonicBalance, changed: dict[str, float], index: int) -> Array:
+def _prescribed(problem: HarmonicBalance, parameters: dict[str, float], index: int) -> Array:
     """Return the coefficients of the prescribed displacement e of an element with these values of parameters."""
-    displacement = problem.models.system(changed).elements[index].displacement
+    displacement = problem.models.system(parameters).elements[index].displacement
     c = to_complex(stretch(displacement.row(problem.H // problem.nu), problem.nu))
     e = np.zeros(problem.H + 1, dtype=complex)
     e[: len(c)] = c

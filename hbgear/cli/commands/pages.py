@@ -16,6 +16,7 @@ from hbgear.cli.output import STOPPED_EARLY, bar, print_message
 from hbgear.cli.output_files import outputs
 from hbgear.cli.support import chosen_model, class_of, problem_in, span_of
 from hbgear.common.optional import needed
+from hbgear.continuation.extend import traced_span
 from hbgear.harmonic.equations.layout import layout_of
 from hbgear.harmonic.models import model_registry
 from hbgear.harmonic.models.frequency_units import Omega_of
@@ -138,34 +139,28 @@ def explored(
     from hbgear.io.machines.machine_file import read_machine
     from hbgear.web.editable_model import EditableInstance, EditableMachine
 
+    if changes and source.endswith((".npz", ".toml")):
+        defining = "curve" if source.endswith(".npz") else "file"
+        raise ValueError(f"--set: the {defining} defines the values; change them on the page")
     if source.endswith(".npz"):
-        if changes:
-            raise ValueError("--set: the curve defines the values; change them on the page")
         branch = hb.load(source)
         problem = model_registry.rebuild_problem(branch.meta, class_of(model_class_name))
         if branch.parameter != "Omega" or branch.tracked:
             raise ValueError(f"'{source}' is a curve in {branch.parameter}; the explorer draws curves in Omega")
-        machine = problem.model.at(branch.fixed)
-        name = model_class_name or next(
-            (name for name, cls in model_registry.MODELS.items() if cls is type(machine)), ""
-        )
-        layout = layout_of(branch)
-        ends = branch.meta.get("trace", {}).get("span") or (branch.values[0], branch.values[-1])
-        return (
-            EditableInstance(machine, name),
-            (float(ends[0]), float(ends[1])),
-            layout.harmonics if layout else 16,
-            branch,
-        )
+        model, layout = problem.model.at(branch.fixed), layout_of(branch)
+        subject = EditableInstance(model, model_class_name or _name_of(model))
+        return subject, traced_span(branch), layout.harmonics if layout else 16, branch
+    if source.endswith(".toml") and is_study(source):
+        study = read_study(source, allow_code)
+        model = study.model.replace(**next(study.vary.rows())) if isinstance(study.vary, Grid) else study.model
+        return EditableInstance(model, _name_of(study.model)), study.work.span, study.work.harmonics, None
     if source.endswith(".toml"):
-        if is_study(source):
-            study = read_study(source, allow_code)
-            name = next((name for name, cls in model_registry.MODELS.items() if cls is type(study.model)), "")
-            first = study.model.replace(**next(study.vary.rows())) if isinstance(study.vary, Grid) else study.model
-            return EditableInstance(first, name), study.work.span, study.work.harmonics, None
         machine_file = read_machine(source)
-        if changes:
-            raise ValueError("--set: the file defines the values; change them on the page")
         return EditableMachine(machine_file), machine_file.model().default_span, 16, None
-    machine = chosen_model(source, changes)
-    return EditableInstance(machine, source), span_of(machine, None, None), 16, None
+    model = chosen_model(source, changes)
+    return EditableInstance(model, source), span_of(model, None, None), 16, None
+
+
+def _name_of(model: hb.mechanics.Model) -> str:
+    """Return the name under which hbgear knows the class of a model; empty for the classes of others."""
+    return next((name for name, cls in model_registry.MODELS.items() if cls is type(model)), "")

@@ -16,6 +16,7 @@ from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point, SpecialPoint
 from hbgear.continuation.results.status import Status
+from hbgear.continuation.solvers.newton import Solution
 
 
 class Located(Protocol):
@@ -194,17 +195,23 @@ def _column(points: list[CurvePoint], name: str, missing: Any) -> Array | None:
     return column
 
 
-def build_point(problem: ContinuationProblem, name: str, fixed: dict[str, float], point: CurvePoint) -> Point:
+def build_point(problem: ContinuationProblem, name: str, fixed: Mapping[str, float], point: CurvePoint) -> Point:
     """Return a point of a trace as a `Point`."""
     return Point(**point_fields(problem, name, fixed, point))
 
 
 def point_fields(
-    problem: ContinuationProblem, name: str, fixed: Mapping[str, float], point: CurvePoint
+    problem: ContinuationProblem,
+    name: str,
+    fixed: Mapping[str, float],
+    point: CurvePoint | Solution,
+    observed: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
-    """Return the fields of the `Point` of a point of a trace."""
+    """Return the fields of the `Point` of a point of a trace, or of a solution with its monitored quantities."""
+    if observed is None:
+        observed = point.observed if isinstance(point, CurvePoint) else {}
     X, tracked = problem.split(point.X)
-    mu, regime = point.observed.get("multipliers"), point.observed.get("regime", ())
+    mu, regime = observed.get("multipliers"), observed.get("regime", ())
     return {
         "X": X,
         "parameters": {**fixed, **tracked, name: point.value},
@@ -212,7 +219,7 @@ def point_fields(
         "iterations": point.iterations,
         "multipliers": None if mu is None else np.asarray(mu, dtype=complex),
         "regime": np.asarray(regime, dtype=np.int8),
-        "error": point.observed.get("error", math.nan),
+        "error": observed.get("error", math.nan),
         "layout": problem.layout,
         "problem": problem.original,
     }

@@ -159,6 +159,13 @@ def normal_of(direction: Array, scale: Array) -> Array:
     return scaled
 
 
+def unit_normal_of(direction: Array, scale: Array) -> Array:
+    """Return `normal_of` with unit length, as the corrector needs it."""
+    normal = normal_of(direction, scale)
+    unit: Array = normal / np.linalg.norm(normal)
+    return unit
+
+
 @dataclass(frozen=True)
 class Segment:
     """Curve between two neighbouring points a and b.
@@ -412,11 +419,10 @@ def resolve_at_resolution(
         If the corrector fails.
     """
     X, direction = problem.resized(point.X), np.append(problem.resized(point.tangent[:-1]), point.tangent[-1])
-    normal = normal_of(direction, scale)
     if fixed_value:
         solution = solve(problem, X, {**parameters, name: point.value}, name, settings)
-        return point_from_solution(solution, normal, scale, point.step, point)
-    normal = normal / np.linalg.norm(normal)
+        return point_from_solution(solution, normal_of(direction, scale), scale, point.step, point)
+    normal = unit_normal_of(direction, scale)
     solved = correct(problem, np.append(X, point.value), normal, name, parameters, settings)
     return point_along(solved, scale, point.step, point)
 

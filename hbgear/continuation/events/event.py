@@ -541,8 +541,7 @@ def locate_by_newton(
     settings = _location_settings(segment.settings)
     solution = extended.located(u, segment.parameters, settings)
     U = solution.X
-    chord = (segment.b.u - segment.a.u) / segment.scale
-    fraction = float(chord @ ((U - segment.a.u) / segment.scale) / (chord @ chord))
+    chord, fraction = (segment.b.u - segment.a.u) / segment.scale, segment.fraction_of(U)
     inside = -margin <= fraction <= 1 + margin
     if not inside or np.linalg.norm((U - u) / segment.scale) > (0.5 + margin) * np.linalg.norm(chord):
         raise NoConvergence("Newton's method left the segment", U, segment.parameters, [])

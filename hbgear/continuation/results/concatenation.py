@@ -15,7 +15,8 @@ _ARRAYS = ("values", "X", "iterations", "residual", "regime", "error", "step", "
 def append_continuation(first: Branch, second: Branch) -> Branch:
     """Return a branch and its continuation from its last point, as one branch.
 
-    Special points are numbered consecutively. Jumps are removed and have to be searched again.
+    Both get the number of harmonics of the larger one, and the result has its problem. Special points are numbered
+    consecutively. Jumps are removed and have to be searched again.
 
     Parameters
     ----------
@@ -29,7 +30,8 @@ def append_continuation(first: Branch, second: Branch) -> Branch:
     Branch
         Points of both, with status and message of `second`.
     """
-    n = len(first)
+    n, problem = len(first), most_resolved(first, second)
+    first, second = padded_to_common_size(first, second)
     names = list(_ARRAYS)
     if first.multipliers is not None and second.multipliers is not None:
         names.append("multipliers")
@@ -44,7 +46,7 @@ def append_continuation(first: Branch, second: Branch) -> Branch:
         second, **{"multipliers": None, **arrays}, special=tuple(special), jump_records=(), tracked=tracked,
         full_motion=None,
         meta=with_asymptotes(second.meta, first=first.asymptotes.get("first"), last=second.asymptotes.get("last")),
-        others=first.others,
+        others=first.others, problem=problem,
     )  # fmt: skip
 
 

@@ -21,7 +21,7 @@ import numpy as np
 from hbgear.common.arrays import Array
 from hbgear.continuation.curve.segment import BranchStart
 from hbgear.continuation.results.branch import Branch
-from hbgear.continuation.results.concatenation import concatenate, most_resolved, padded_to_common_size
+from hbgear.continuation.results.concatenation import concatenate
 from hbgear.continuation.results.status import Status
 from hbgear.continuation.solvers.newton import NewtonSettings, NoConvergence
 from hbgear.continuation.tracing.jumps import find_jumps
@@ -210,7 +210,7 @@ def trace_both_directions(
     if forward.status in (Status.CLOSED, Status.RETRACED):
         return forward
     backward = follow((high, low), replace(start, direction=-start.direction))
-    branch = replace(concatenate(*padded_to_common_size(backward, forward)), problem=most_resolved(backward, forward))
+    branch = concatenate(backward, forward)
     return branch if settings is None else replace(branch, jump_records=find_jumps(branch, settings))
 
 

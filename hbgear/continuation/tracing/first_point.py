@@ -25,7 +25,7 @@ from dataclasses import replace
 import numpy as np
 
 from hbgear.common.arrays import Array
-from hbgear.continuation.curve.segment import BranchStart, CurvePoint, normal_of, point_along, point_from_solution
+from hbgear.continuation.curve.segment import BranchStart, CurvePoint, point_along, point_from_solution, unit_normal_of
 from hbgear.continuation.numerics.linear import norm
 from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.results.point import Point
@@ -215,19 +215,52 @@ def _begin_branch(setup: TraceSetup, start: BranchStart) -> tuple[TraceState, li
 
 
 def _point_along_branch(state: TraceState, start: BranchStart, step: float) -> CurvePoint:
+    """Return `point_on_branch` of the problem of a trace."""
+    setup = state.setup
+    return point_on_branch(state.problem, start, step, setup.name, setup.fixed, state.scale, setup.settings.newton)
+
+
+def point_on_branch(
+    problem: ContinuationProblem,
+    start: BranchStart,
+    step: float,
+    name: str,
+    parameters: Mapping[str, float],
+    scale: Array,
+    settings: NewtonSettings,
+) -> CurvePoint:
     """Return the point at a scaled distance along the direction of a branch.
+
+    Parameters
+    ----------
+    problem : ContinuationProblem
+        Problem of the branch.
+    start : BranchStart
+        Start of the branch.
+    step : float
+        Distance from the start.
+    name : str
+        Parameter of the branch.
+    parameters : mapping
+        Values of the other parameters.
+    scale : ndarray, shape (n + 1,)
+        Scales of the unknowns and of the parameter.
+    settings : NewtonSettings
+        Settings of the corrector.
+
+    Returns
+    -------
+    CurvePoint
+        The point.
 
     Raises
     ------
     NoConvergence, numpy.linalg.LinAlgError
         If the corrector fails.
     """
-    setup, scale = state.setup, state.scale
     direction = start.direction / np.linalg.norm(start.direction / scale)
-    normal = normal_of(direction, scale)
-    normal = normal / np.linalg.norm(normal)
-    u = np.append(start.X, start.parameters[setup.name]) + step * direction
-    corrected = correct(state.problem, u, normal, setup.name, setup.fixed, setup.settings.newton)
+    u = np.append(start.X, start.parameters[name]) + step * direction
+    corrected = correct(problem, u, unit_normal_of(direction, scale), name, parameters, settings)
     return point_along(corrected, scale, step)
 
 

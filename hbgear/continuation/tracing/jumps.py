@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from hbgear.continuation.curve.segment import BranchStart, normal_of
+from hbgear.continuation.curve.builder import build_point, point_fields
+from hbgear.continuation.curve.segment import BranchStart
 from hbgear.continuation.events.detector import event_of
 from hbgear.continuation.problem.adapter import as_problem
 from hbgear.continuation.problem.base import ContinuationProblem, observe_all
@@ -17,9 +17,9 @@ from hbgear.continuation.results.interpolation import crossings_at
 from hbgear.continuation.results.layout import HasDistance
 from hbgear.continuation.results.point import BIFURCATING, Jump, Point, SpecialPoint
 from hbgear.continuation.results.stability import STABILITY_CHANGING_KINDS, is_stable
-from hbgear.continuation.solvers.corrector import correct
 from hbgear.continuation.solvers.newton import NewtonSettings, NoConvergence, Solution, solve
 from hbgear.continuation.stepping.control import StepControl
+from hbgear.continuation.tracing.first_point import point_on_branch
 from hbgear.continuation.tracing.state import TraceSettings
 
 _BRANCHING = ("BP", "PD")
@@ -205,20 +205,12 @@ def monitored_points(branch: Branch, groups: list[list[Solution]]) -> list[list[
     problem = as_problem(branch.problem)
     excluded = {branch.parameter, *problem.unknown_parameters}
     fixed = {k: v for k, v in branch.parameters_at(0).items() if k not in excluded}
-    splits = [problem.split(solution.X) if problem.unknown_parameters else (solution.X, {}) for solution in solutions]
-    parameters = [
-        {**fixed, branch.parameter: solution.value, **unknown}
-        for solution, (_, unknown) in zip(solutions, splits, strict=True)
-    ]
     u = np.array([np.append(solution.X, solution.value) for solution in solutions])
     observed = observe_all(problem, u, branch.parameter, fixed, True)
-    points = iter([
-        Point(
-            X, p, solution.residual, solution.iterations, data.get("multipliers"),
-            data.get("regime", np.zeros(0, np.int8)), data.get("error", math.nan), branch.layout,
-            problem=branch.problem,
-        ) for solution, (X, _), p, data in zip(solutions, splits, parameters, observed, strict=True)
-    ])  # fmt: skip
+    points = iter(
+        Point(**point_fields(problem, branch.parameter, fixed, solution, data))
+        for solution, data in zip(solutions, observed, strict=True)
+    )
     return [[next(points) for _ in group] for group in groups]
 
 
@@ -322,27 +314,16 @@ def point_on_new_branch(
     if new_branch is None:
         return None
     problem, start = new_branch
-    name = branch.parameter
     if not start.direction.any():  # the problem follows curves itself
         return _first_point(problem, start, branch, offset, settings)
-    u = np.append(start.X, start.parameters[name])
-    size = problem.solution_norm(start.X) or 1.0
-    scale = np.append(np.full(len(start.X), size), np.ptp(branch.values) or 1.0)
-    direction = start.direction / np.linalg.norm(start.direction / scale)
-    normal = normal_of(direction, scale)
-    normal = normal / np.linalg.norm(normal)
-    fixed = {key: value for key, value in start.parameters.items() if key != name}
+    scale = np.append(np.full(len(start.X), problem.solution_norm(start.X) or 1.0), np.ptp(branch.values) or 1.0)
+    fixed = {name: value for name, value in start.parameters.items() if name != branch.parameter}
     try:
-        solution = correct(problem, u + offset * direction, normal, name, fixed, settings).solution
+        new = point_on_branch(problem, start, offset, branch.parameter, fixed, scale, settings)
     except (NoConvergence, np.linalg.LinAlgError, ValueError):
         return None
-    parameters = {**start.parameters, name: solution.value}
-    constant = {key: value for key, value in parameters.items() if key != name}
-    observed = as_problem(problem).observe_many(solution.X[None], name, np.array([solution.value]), True, **constant)[0]
-    return Point(
-        solution.X, parameters, solution.residual, solution.iterations, observed.get("multipliers"),
-        observed.get("regime", np.zeros(0, np.int8)), observed.get("error", np.nan), problem.layout, problem=problem,
-    )  # fmt: skip
+    new.observed = observe_all(problem, new.u[None], branch.parameter, fixed, True)[0]
+    return build_point(problem, branch.parameter, fixed, new)
 
 
 def _first_point(

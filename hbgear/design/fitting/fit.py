@@ -21,6 +21,7 @@ from itertools import combinations
 
 import numpy as np
 
+from hbgear.analysis.fold_curves import problem_of
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.deprecation import renamed_attributes
@@ -199,7 +200,7 @@ def fit(
     >>> round(found.values["zeta"], 5), found.reached.all().item()
     (0.06, True)
     """
-    problem = model if isinstance(model, HarmonicBalance) else HarmonicBalance(model, harmonics)
+    problem = problem_of(model, harmonics)
     problem.require_fixed_resolution("fit")
     counted("fit: starts", starts, 1000)
     counted("fit: seed", seed, least=0)

@@ -16,7 +16,8 @@ import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.mechanics.models import Element
-from hbgear.time.exponential.segments import SAMPLES_PER_STEP, Integers, first_exit
+from hbgear.time.exponential.segments import Integers
+from hbgear.time.flows.step_exits import exits_in_step
 from hbgear.time.flows.structure_states import displacement_scales
 
 FREE, PUSHES, OPEN = 0, 1, 2
@@ -80,8 +81,8 @@ class ContactFlow:
         """Return the instants (Q,) in the last step at which contacts leave their states, inf if they do not."""
         if not len(self):
             return np.full(0, np.inf)
-        dense, t = solver.dense_output(), np.linspace(solver.t_old, solver.t, SAMPLES_PER_STEP + 1)
-        size = displacement_scales(flow, dense(t[[0, -1]]))[self.element][:, None]
+        dense = solver.dense_output()
+        size = displacement_scales(flow, dense(np.array([solver.t_old, solver.t])))[self.element][:, None]
 
         def tests(instants: Array) -> Array:
             """Return functions (Q, T) that become positive where a contact leaves its state."""
@@ -91,12 +92,7 @@ class ContactFlow:
             column = state[:, None]
             return np.select([column == FREE, column == PUSHES], [depth, exit_value], np.maximum(-depth, force))
 
-        def value(rows: Integers, instants: Array) -> Array:
-            return np.array([tests(np.array([x]))[i, 0] for i, x in zip(rows, instants, strict=True)])
-
-        samples = tests(t)
-        low, high = np.full(len(self), -np.inf), np.zeros(len(self))
-        return first_exit(t, samples, np.gradient(samples, t, axis=1), low, high, value)[0]
+        return exits_in_step(solver, tests, np.full(len(self), -np.inf), np.zeros(len(self)))
 
     def after(self, flow: Any, t: float, Y: Array, state: Integers, changed: np.ndarray) -> tuple[Array, Integers]:
         """Return the state of the motion and of the contacts after an event at t of the contacts ``changed``."""

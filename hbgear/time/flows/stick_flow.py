@@ -22,7 +22,8 @@ import numpy as np
 from hbgear.common.arrays import Array
 from hbgear.mechanics.laws.friction import RigidFriction
 from hbgear.mechanics.models import Element
-from hbgear.time.exponential.segments import SAMPLES_PER_STEP, Integers, first_exit
+from hbgear.time.exponential.segments import Integers
+from hbgear.time.flows.step_exits import exits_in_step
 
 STICKS = 0
 """State of an element that sticks; one that slips has the sign of its relative velocity, -1 or +1."""
@@ -134,9 +135,7 @@ class StickFlow:
         """Return the instants (R,) in the last step at which elements stick or are released, inf if there are none."""
         if not len(self):
             return np.full(0, np.inf)
-        dense = solver.dense_output()
-        t = np.linspace(solver.t_old, solver.t, SAMPLES_PER_STEP + 1)
-        sticks, slip_direction = (state == STICKS)[:, None], state[:, None]
+        dense, sticks, slip_direction = solver.dense_output(), (state == STICKS)[:, None], state[:, None]
 
         def tests(instants: Array) -> Array:
             """Return holding forces while sticking, and relative speeds while slipping (R, T)."""
@@ -147,12 +146,8 @@ class StickFlow:
                 values = np.where(sticks, forces, values)
             return values
 
-        def value(rows: Integers, instants: Array) -> Array:
-            return np.array([tests(np.array([x]))[i, 0] for i, x in zip(rows, instants, strict=True)])
-
-        samples = tests(t)
         low, high = np.where(sticks[:, 0], -self.static, 0.0), np.where(sticks[:, 0], self.static, np.inf)
-        return first_exit(t, samples, np.gradient(samples, t, axis=1), low, high, value)[0]
+        return exits_in_step(solver, tests, low, high)
 
     def after(
         self, flow: Any, rates: Rates, t: float, Y: Array, state: Integers, changed: np.ndarray

@@ -325,8 +325,7 @@ def _has_own_multipliers(problem: Any, X: Array, base: _Comparison, parameters: 
 
 def _comparison(problem: Any, X: Array, mu: ComplexArray | None, parameters: dict[str, float]) -> _Comparison:
     """Return a solution with its periodic motion by shooting; without it if shooting does not converge."""
-    changes = {k: v for k, v in parameters.items() if k != "Omega"}
-    model = problem.model.replace(**changes) if changes else problem.model
+    model = problem.model_at(parameters)
     y = start_state(problem, X, **parameters)
     layout = problem.layout
     rows = [layout.rows(X, j) for j in range(len(layout.elements))]
