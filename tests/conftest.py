@@ -73,6 +73,22 @@ def modules_are_forgotten(monkeypatch):
 
 
 @pytest.fixture
+def run(capsys, tmp_path, monkeypatch):
+    """Run the command ``hbgear`` in an empty folder: ``(exit code, stdout, stderr)``; words, or one line of words."""
+    from hbgear.cli.app import main
+
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+
+    def call(*words):
+        with pytest.raises(SystemExit) as stop:
+            main(words[0].split() if len(words) == 1 else [str(word) for word in words])
+        return stop.value.code, *capsys.readouterr()
+
+    return call
+
+
+@pytest.fixture
 def rng():
     """Random numbers that are the same in every run."""
     return np.random.default_rng(2022)

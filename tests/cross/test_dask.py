@@ -13,8 +13,6 @@ import pytest
 from distributed import Client
 from distributed.security import Security
 
-from hbgear.cli import app as cli
-
 pytestmark = pytest.mark.slow
 
 # with 60 harmonics some cases are still to be computed when three are stored
@@ -175,10 +173,7 @@ def test_a_study_on_a_scheduler_with_certificates(tmp_path):
         (["--dask", "tls://127.0.0.1:1", "--tls-ca-file", "none", "--tls-cert", "none"], "cannot be used"),
     ],
 )
-def test_certificates_that_do_not_fit(tmp_path, monkeypatch, capsys, options, words):
-    monkeypatch.chdir(tmp_path)
+def test_certificates_that_do_not_fit(tmp_path, run, options, words):
     (tmp_path / "a.toml").write_text(STUDY)
-    with pytest.raises(SystemExit) as end:
-        cli.main(["study", "a.toml", *options])
-    error = capsys.readouterr().err
-    assert end.value.code == 2 and words in error and error.count("\n") == 1
+    code, _, error = run("study", "a.toml", *options)
+    assert code == 2 and words in error and error.count("\n") == 1

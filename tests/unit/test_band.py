@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-from hbgear.cli import app
 
 matplotlib.use("Agg")
 
@@ -173,28 +172,19 @@ def test_derivatives_are_shown_in_physical_units(curve):
 
 
 @pytest.mark.slow
-def test_command(curve, tmp_path, capsys, monkeypatch):
-    monkeypatch.setenv("COLUMNS", "200")
-    path = str(tmp_path / "pair.npz")
-    curve.save(path)
-
-    def run(*words):
-        with pytest.raises(SystemExit) as end:
-            app.main(["scatter", path, *words])
-        return end.value.code, capsys.readouterr()
-
-    code, said = run("zeta=0.001", "e[0]=0.0005", "--draws", "20", "--plot", str(tmp_path / "band.png"))
-    assert code == 0 and "LP1" in said.out and "the curve is displaced most at pinion r/min" in said.out
-    assert "Omega" not in said.out
+def test_command(curve, tmp_path, run):
+    curve.save("pair.npz")
+    code, out, _ = run("scatter pair.npz zeta=0.001 e[0]=0.0005 --draws 20 --plot band.png")
+    assert code == 0 and "LP1" in out and "the curve is displaced most at pinion r/min" in out
+    assert "Omega" not in out
     assert (tmp_path / "band.png").stat().st_size > 10_000
     first = hb.design.jump_tolerance(curve, {"zeta": 0.001, "e[0]": 0.0005}, draws=20)[0].first
-    assert f"{first:.3g}" in said.out
-    code, said = run("zeta=0.001", "--draws", "2", "--dimensionless")
-    assert code == 0 and "displaced most at Omega" in said.out and "r/min" not in said.out
-    code, said = run("zetta=0.001")
-    assert code == 2 and "did you mean 'zeta'" in said.err
-    code, said = run("zeta")
-    assert code == 2
+    assert f"{first:.3g}" in out
+    code, out, _ = run("scatter pair.npz zeta=0.001 --draws 2 --dimensionless")
+    assert code == 0 and "displaced most at Omega" in out and "r/min" not in out
+    code, _, err = run("scatter pair.npz zetta=0.001")
+    assert code == 2 and "did you mean 'zeta'" in err
+    assert run("scatter pair.npz zeta")[0] == 2
 
 
 def test_axes_end_above_the_bounded_part_of_a_curve_that_grows_without_bound():

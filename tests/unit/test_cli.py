@@ -29,21 +29,6 @@ ENVIRONMENT = {**os.environ, "PYTHONPATH": str(Path(hb.__file__).parents[1])}  #
 QUICK = ["trace", "duffing", "--harmonics", "3", "--no-stability"]
 
 
-@pytest.fixture
-def run(capsys, tmp_path, monkeypatch):
-    """Run the command in an empty folder: ``(exit code, stdout, stderr)``."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("COLUMNS", "200")
-
-    def call(*args):
-        with pytest.raises(SystemExit) as stop:
-            cli.main([str(arg) for arg in args])
-        out, err = capsys.readouterr()
-        return stop.value.code, out, err
-
-    return call
-
-
 @pytest.fixture(scope="module")
 def saved(tmp_path_factory):
     """A curve of SpurPair with folds, jumps and grazing contacts, saved."""

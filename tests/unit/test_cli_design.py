@@ -9,22 +9,6 @@ import pytest
 
 import hbgear as hb
 from hbgear.analysis.summary import text_at
-from hbgear.cli import app as cli
-
-
-@pytest.fixture
-def run(capsys, tmp_path, monkeypatch):
-    """Run the command in an empty folder: ``(exit code, stdout, stderr)``."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("COLUMNS", "200")
-
-    def call(text):
-        with pytest.raises(SystemExit) as stop:
-            cli.main(text.split())
-        out, err = capsys.readouterr()
-        return stop.value.code, out, err
-
-    return call
 
 
 @pytest.fixture

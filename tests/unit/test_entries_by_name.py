@@ -4,25 +4,11 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-from hbgear.cli.app import main
 from hbgear.design.studies.study_file import StudyFileError, read_study
 from hbgear.web.editable_model import EditableInstance
 from hbgear.web.explorer import Explorer, Request
 
 PAIR = hb.SpurPair(e=(0.1, 0.02))
-
-
-@pytest.fixture
-def run(capsys, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-
-    def code(*words):
-        with pytest.raises(SystemExit) as end:
-            main(list(words))
-        captured = capsys.readouterr()
-        return end.value.code, captured.out, captured.err
-
-    return code
 
 
 @pytest.mark.slow

@@ -5,7 +5,6 @@ import pytest
 
 import hbgear as hb
 from hbgear.analysis import peaks
-from hbgear.cli.app import main
 from hbgear.continuation import register_event
 from hbgear.continuation.events.registry import EVENTS, optional_events
 from hbgear.harmonic.bifurcations.events import KINDS
@@ -111,7 +110,7 @@ def test_a_test_may_use_the_problem_of_the_point_while_traced_and_followed(probl
         multipliers.equations(problem, "Omega", curve["limit1"])
 
 
-def test_events_on_the_command_line(capsys, tmp_path, modules_are_forgotten):
+def test_events_on_the_command_line(run, tmp_path):
     own = tmp_path / "mine.py"
     own.write_text(
         "import hbgear as hb\n"
@@ -120,17 +119,12 @@ def test_events_on_the_command_line(capsys, tmp_path, modules_are_forgotten):
         "def stop(zeta: float = 0.05) -> hb.System:\n"
         "    return hb.SpurPair(zeta=zeta).system()\n"
     )
-    span = ["--from", "1.2", "--to", "0.6", "--harmonics", "8"]
-    with pytest.raises(SystemExit) as done:
-        main(["trace", "spur-pair", *span, "--event", "PK"])
-    assert done.value.code == 0 and "PK1" in capsys.readouterr().out
-    with pytest.raises(SystemExit) as done:
-        main(["trace", f"{own}:stop", *span, "--event", "tall", "--event", "PK"])
-    out = capsys.readouterr().out
-    assert done.value.code == 0 and "tall1" in out and "PK1" in out
-    with pytest.raises(SystemExit) as done:
-        main(["trace", "spur-pair", *span, "--event", "peak"])
-    assert done.value.code == 2 and "no event 'peak'; always located: LP, BP" in capsys.readouterr().err
-    with pytest.raises(SystemExit):
-        main(["trace", "--help"])
-    assert "--event" in (text := capsys.readouterr().out) and "PK" in text
+    span = "--from 1.2 --to 0.6 --harmonics 8"
+    code, out, _ = run(f"trace spur-pair {span} --event PK")
+    assert code == 0 and "PK1" in out
+    code, out, _ = run(f"trace {own}:stop {span} --event tall --event PK")
+    assert code == 0 and "tall1" in out and "PK1" in out
+    code, _, err = run(f"trace spur-pair {span} --event peak")
+    assert code == 2 and "no event 'peak'; always located: LP, BP" in err
+    _, text, _ = run("trace --help")
+    assert "--event" in text and "PK" in text

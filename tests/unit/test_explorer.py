@@ -21,7 +21,6 @@ from browser import browser, check_only_own_scripts_run, check_toolbars, clicked
 
 import hbgear as hb
 from hbgear.analysis.quantities.engineering_quantities import transmission_error
-from hbgear.cli.app import main
 from hbgear.cli.commands.pages import explored
 from hbgear.design.studies.study_file import read_study
 from hbgear.io.machines.machine_file import Machine, read_machine, write_machine
@@ -384,25 +383,19 @@ def test_a_port_in_use_is_reported_and_two_explorers_run_together(server):
 # ---- the command
 
 
-def run(capsys, *words):
-    with pytest.raises(SystemExit) as end:
-        main(["explore", *words])
-    return end.value.code, capsys.readouterr().err
-
-
-def test_command_refuses_invalid_subjects(tmp_path, capsys):
+def test_command_refuses_invalid_subjects(tmp_path, run):
     curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 3), "F", (0.1, 0.12), at={"Omega": 0.9})
     curve.save(tmp_path / "F.npz")
     for words, said in (
-        (["nope"], "there is no model 'nope'"), ([str(tmp_path / "F.npz")], "a curve in F"),
-        ([str(tmp_path / "no.npz")], "there is no file"), ([str(tmp_path / "no.toml")], "cannot be read as a machine"),
+        ("nope", "there is no model 'nope'"), ("F.npz", "a curve in F"),
+        ("no.npz", "there is no file"), ("no.toml", "cannot be read as a machine"),
     ):  # fmt: skip
-        code, err = run(capsys, *words, "--no-browser")
+        code, _, err = run("explore", words, "--no-browser")
         assert code == 2 and said in err and err.count("\n") == 1
     with socket.socket() as other:
         other.bind(("127.0.0.1", 0))
         other.listen()
-        code, err = run(capsys, "duffing", "--no-browser", "--port", str(other.getsockname()[1]))
+        code, _, err = run("explore", "duffing", "--no-browser", "--port", other.getsockname()[1])
     assert code == 2 and "is taken by another program" in err
 
 

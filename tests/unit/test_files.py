@@ -44,12 +44,6 @@ def command(args):
     return f"from hbgear.cli.app import main; main({args!r})"
 
 
-def run(capsys, *args):
-    with pytest.raises(SystemExit) as stop:
-        cli.main([str(arg) for arg in args])
-    return stop.value.code, *capsys.readouterr()
-
-
 # ---- the library
 
 
@@ -121,7 +115,7 @@ def test_a_failure_of_the_disk_is_reported_as_such(folder):
         ("x" * 260, "file name too long"),
     ],
 )
-def test_unwritable_places_are_refused_before_the_work(folder, capsys, monkeypatch, curve, place, words):
+def test_unwritable_places_are_refused_before_the_work(folder, run, monkeypatch, curve, place, words):
     Path("file").write_text("")
     for suffix in (".npz", ".png", ".csv"):
         os.symlink("/dev/full", f"full{suffix}")
@@ -133,7 +127,7 @@ def test_unwritable_places_are_refused_before_the_work(folder, capsys, monkeypat
         ["map", "spur-pair", "--in", "zeta=0.1:0.2", "-o", f"{place}.csv"],
         ["sweep", "duffing", "-o", f"{place}.csv"],
     ):
-        code, out, err = run(capsys, *args)
+        code, out, err = run(*args)
         assert (code, out) == (2, "") and err.count("\n") == 1 and words in err
     assert sorted(os.listdir()) == before
 
@@ -148,7 +142,7 @@ def test_a_full_disk_is_seen_before_the_work(folder):
 # ---- commands: after it
 
 
-def test_a_place_that_goes_away_during_the_work(folder, capsys, monkeypatch):
+def test_a_place_that_goes_away_during_the_work(folder, run, monkeypatch):
     trace = hb.trace
 
     def slow(*args, **options):
@@ -158,7 +152,7 @@ def test_a_place_that_goes_away_during_the_work(folder, capsys, monkeypatch):
     monkeypatch.setattr(hb, "trace", slow)
     os.mkdir("place")
     Path("a.npz").write_text("mine")
-    code, out, err = run(capsys, *CURVE, "-o", "place/a.npz", "--plot", "place/a.png")
+    code, out, err = run(*CURVE, "-o", "place/a.npz", "--plot", "place/a.png")
     assert code == 2 and "jumps of a slow sweep" in out and "wrote" in out
     assert "cannot write 'place/a.npz': there is no folder 'place'" in err and "'place/a.png'" in err
     assert f"kept as '{folder / 'a-2.npz'}' instead" in err and Path("a.npz").read_text() == "mine"
@@ -187,13 +181,13 @@ def small_disk(path, size):
 
 
 @pytest.mark.skipif(sys.platform != "linux" or os.geteuid() != 0, reason="needs the right to mount")
-def test_a_full_disk(folder, capsys, curve):
+def test_a_full_disk(folder, run, curve):
     with small_disk(folder / "disk", LIMIT) as disk:
-        code, out, err = run(capsys, *CURVE, "-o", disk / "a.npz")
+        code, out, err = run(*CURVE, "-o", disk / "a.npz")
         assert code == 2 and "jumps of a slow sweep" in out and "no space left on device" in err
         assert np.array_equal(hb.load("a.npz").values, curve.values) and not os.listdir(disk)
         (disk / "rest").write_bytes(bytes(os.statvfs(disk).f_bavail * os.statvfs(disk).f_frsize))
-        code, out, err = run(capsys, *CURVE, "-o", disk / "a.npz")
+        code, out, err = run(*CURVE, "-o", disk / "a.npz")
         assert (code, out) == (2, "") and "no space left on device; give another place" in err
 
 

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-from hbgear.cli import app
 from hbgear.design.fitting.fit_search import FitSearch, mean_square_limit
 from hbgear.design.fitting.profile_likelihood import profile_interval
 from hbgear.design.fitting.sweep_prediction import Prediction
@@ -333,26 +332,24 @@ def test_file(tmp_path, largest):
         hb.design.read_measurements(bad)
 
 
-def run(*words):
-    """Exit code of a command."""
-    with pytest.raises(SystemExit) as end:
-        app.main(list(words))
-    return end.value.code
-
-
 @pytest.mark.slow
-def test_command(tmp_path, largest, capsys):
+def test_command(tmp_path, largest, run):
     Omega, direction, amplitude, _ = largest
     path, figure = tmp_path / "sweep.csv", tmp_path / "fit.png"
     rows = [f"{f},{a},{d}" for f, a, d in zip(Omega, noisy(amplitude, 4), direction, strict=True)]
     path.write_text("frequency,amplitude,direction\n" + "\n".join(rows))
     said = ["fit", str(path), "spur-pair", "--set", "zeta=0.06", "--free", "zeta=0.01:0.2,e[0]", "--measure", "max"]
-    assert run(*said, "--harmonics", "8", "--plot", str(figure)) == 0
-    out = capsys.readouterr().out
-    assert "zeta" in out and "correlation" in out and "root mean square of the residuals" in out and figure.exists()
+    code, out, _ = run(*said, "--harmonics", "8", "--plot", figure)
+    assert (
+        code == 0
+        and "zeta" in out
+        and "correlation" in out
+        and "root mean square of the residuals" in out
+        and figure.exists()
+    )
     assert "1% of each amplitude is assumed, and the uncertainties follow" in " ".join(out.split())
-    assert run(*said, "--unit", "knots") == 2
-    assert "unit = 'knots'" in capsys.readouterr().err
+    code, _, err = run(*said, "--unit", "knots")
+    assert code == 2 and "unit = 'knots'" in err
     said[6] = "zeta=0.01"
-    assert run(*said) == 2
-    assert "need NAME or NAME=LOW:HIGH" in capsys.readouterr().err
+    code, _, err = run(*said)
+    assert code == 2 and "need NAME or NAME=LOW:HIGH" in err

@@ -12,7 +12,6 @@ import pytest
 from machines import Needs, system, two
 
 import hbgear as hb
-from hbgear.cli import app as cli
 from hbgear.harmonic.models import model_registry
 from hbgear.mechanics import model_lookup as naming
 from hbgear.mechanics.fields import kinds_of, made, parameters_of, required_of
@@ -42,20 +41,11 @@ print("mine.py runs")
 
 
 @pytest.fixture
-def run(capsys, tmp_path, monkeypatch, modules_are_forgotten):
+def run(run, tmp_path):
     """Run the command in a folder with a user's file: ``(exit code, stdout, stderr)``."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("COLUMNS", "200")
     (tmp_path / "mine.py").write_text(SOURCE)
     (tmp_path / "helper.py").write_text("CUBIC = 0.1\n")
-
-    def call(*args):
-        with pytest.raises(SystemExit) as stop:
-            cli.main([str(arg) for arg in args])
-        out, err = capsys.readouterr()
-        return stop.value.code, out, err
-
-    return call
+    return run
 
 
 # ---- fields

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-from hbgear.cli import app as cli
 from hbgear.io.machines.machine_file import Machine, MachineFileError, read_machine, write_machine
 
 TEXT = """torque = "200 N m"
@@ -45,19 +44,6 @@ def file(tmp_path):
     path = tmp_path / "box.toml"
     path.write_text(TEXT)
     return path
-
-
-@pytest.fixture
-def run(capsys, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("COLUMNS", "200")
-
-    def call(*args):
-        with pytest.raises(SystemExit) as stop:
-            cli.main([str(arg) for arg in args])
-        return stop.value.code, *capsys.readouterr()
-
-    return call
 
 
 def test_a_file_is_the_pair(file):

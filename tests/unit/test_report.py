@@ -300,21 +300,14 @@ def test_measured_points_need_curves_in_omega(tmp_path):
 
 
 @pytest.mark.slow
-def test_command(pair, tmp_path, capsys, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def test_command(pair, tmp_path, run, monkeypatch):
     pair.save("pair.npz")
-
-    def run(*words):
-        with pytest.raises(SystemExit) as end:
-            main(["report", *words])
-        return end.value.code, capsys.readouterr()
-
-    code, said = run("pair.npz", "-o", "a.html", "--validate", "1", "--title", "Pair")
-    assert code == 0 and "wrote a.html" in said.out and "Validation" in (tmp_path / "a.html").read_text("utf-8")
-    assert run("pair.npz", "-o", "a.png")[0] == 2
+    code, out, _ = run("report pair.npz -o a.html --validate 1 --title Pair")
+    assert code == 0 and "wrote a.html" in out and "Validation" in (tmp_path / "a.html").read_text("utf-8")
+    assert run("report pair.npz -o a.png")[0] == 2
     monkeypatch.setattr(optional.importlib, "import_module", lambda name: (_ for _ in ()).throw(ImportError(name)))
-    code, said = run("pair.npz")
-    assert code == 2 and "pip install 'hbgear[report]'" in said.err
+    code, _, err = run("report pair.npz")
+    assert code == 2 and "pip install 'hbgear[report]'" in err
 
 
 def contrast(one: str, other: str) -> float:

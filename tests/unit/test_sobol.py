@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-from hbgear.cli import app
 
 pytest.importorskip("SALib", reason="SALib is not installed: pip install 'hbgear[sobol]'")
 
@@ -87,8 +86,7 @@ def test_quantities_without_indices(found):
 
 
 @pytest.mark.slow
-def test_study_file(tmp_path, capsys, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def test_study_file(tmp_path, run):
     text = (
         'model = "duffing"\n[base]\nk3 = 0.0\n[sample]\nmethod = "saltelli"\ncount = {count}\n[sample.parameters]\n'
         'zeta = ["uniform", 0.04, 0.08]\nF = ["normal", 0.2, 0.02]\n[compute]\nwhat = ["peak"]\nharmonics = 1\n'
@@ -96,11 +94,9 @@ def test_study_file(tmp_path, capsys, monkeypatch):
     )
     for count, code in ((32, 0), (30, 2)):
         (tmp_path / "study.toml").write_text(text.format(count=count))
-        with pytest.raises(SystemExit) as end:
-            app.main(["study", "study.toml", "--processes", "1"])
-        said = capsys.readouterr()
-        assert end.value.code == code, said.err
-    assert "30 cases cannot be divided into blocks of 4 (for 2 parameters)" in said.err
+        end, _, err = run("study study.toml --processes 1")
+        assert end == code, err
+    assert "30 cases cannot be divided into blocks of 4 (for 2 parameters)" in err
 
 
 def test_without_salib(monkeypatch):
