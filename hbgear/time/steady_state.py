@@ -194,7 +194,7 @@ def _settle_batch(
     nearby: KnownPeriods | None,
 ) -> None:
     """Integrate the motions ``active`` (B,), with the integrator of these, until each is settled."""
-    from hbgear.time.exponential.periodicity_kernel import is_periodic
+    from hbgear.time.exponential.kernels.periodicity import is_periodic
 
     part, weights = motions.select(active), integrator.weights()
     history = np.zeros((_stored_periods(settling), *part.zeta.shape))

@@ -20,7 +20,7 @@ from hbgear.harmonic.bifurcations.multiplier_events import NeimarkSackerEvent, P
 from hbgear.harmonic.structure.linear_structure import LinearStructure, UnbalancedLoadError
 from hbgear.mechanics import PiecewiseLinear
 from hbgear.mechanics.series.fourier import resize
-from hbgear.time.exponential.periodicity_kernel import is_periodic
+from hbgear.time.exponential.kernels.periodicity import is_periodic
 
 
 def point_at(x, **parameters):

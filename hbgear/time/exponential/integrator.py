@@ -208,7 +208,7 @@ class ExponentialIntegrator:
 
     def _plan(self) -> Any:
         """Return the packed models, the data of all motions, and the breakpoints of the excitation or None."""
-        from hbgear.time.exponential.kernels import Breakpoints, Method, Plan
+        from hbgear.time.exponential.kernels.data import Breakpoints, Method, Plan
 
         table = self.table
         poles, output, input = self._packed_modes()
@@ -355,7 +355,8 @@ class ExponentialIntegrator:
 
     def _integrate(self, batch: StateBatch, periods: int, strobes: Array, fine: Array) -> None:
         """Integrate motions in place, many motions by several threads."""
-        from hbgear.time.exponential.kernels import allocate_tables, allocate_workspace, integrate_segments
+        from hbgear.time.exponential.kernels.data import allocate_tables, allocate_workspace
+        from hbgear.time.exponential.kernels.integrate import integrate_segments
 
         s, m, q, cells, B = self.s, self.m, self.q, periods * self.N, len(batch.d)
         any_in_python = bool(self.table.in_python.any())

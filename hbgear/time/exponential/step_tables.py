@@ -92,7 +92,8 @@ class Steps:
     @staticmethod
     def of(plan: Any, method: Any, breakpoints: Any, N: int) -> Steps:
         """Return the steps of a plan with N cells a period, and breakpoints of the excitation or None."""
-        from hbgear.time.exponential.kernels import fill, fold
+        from hbgear.time.exponential.kernels.newton import fold
+        from hbgear.time.exponential.kernels.tables import fill
 
         (R, m), P, size, s = plan.kr.shape, plan.low.shape[2], 2 * plan.poles.shape[1], len(method.lagrange)
         n, r, (cells, work) = (s + 1) * 2 * m, s * m, _allocate(plan, method, R, N)
@@ -116,7 +117,7 @@ class Steps:
 
         D = 0 unless many motions profit from them.
         """
-        from hbgear.time.exponential.kernels import fill
+        from hbgear.time.exponential.kernels.tables import fill
 
         if many not in self._curves:
             D = self._terms() if many and len(self.plan.h) == 1 else 0
@@ -139,7 +140,7 @@ class Steps:
 
 def _allocate(plan: Any, method: Any, rows: int, cells: int) -> tuple[Any, Any]:
     """Return empty tables and a workspace."""
-    from hbgear.time.exponential.kernels import allocate_tables, allocate_workspace
+    from hbgear.time.exponential.kernels.data import allocate_tables, allocate_workspace
 
     sizes = len(method.lagrange), plan.kr.shape[1], plan.poles.shape[1]
     contacts = plan.low.shape[1] - plan.kr.shape[1]

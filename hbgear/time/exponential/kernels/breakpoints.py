@@ -1,0 +1,65 @@
+"""Breakpoints of the excitation, and the levels of contacts between teeth."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hbgear.common.arrays import Array
+from hbgear.common.process.compiling import kernel
+from hbgear.time.exponential.kernels.data import Breakpoints
+from hbgear.time.exponential.kernels.tables import segment_of
+from hbgear.time.exponential.segments import Integers
+
+
+@kernel
+def set_levels(
+    breakpoints: Breakpoints, r: int, x: float, length: float, N: int, springs: int, m: int, levels: Array
+) -> None:  # fmt: skip
+    """Set the levels of all contacts on (x, x + length), in cells of the period; no breakpoint lies inside."""
+    starts, rows, unit = breakpoints.starts, breakpoints.rows, 2 * np.pi / N
+    width = unit * length
+    for j in range(m, len(levels)):
+        q = springs + j
+        segment = segment_of(starts, r, q, unit * (x + 0.5 * length))
+        a, b, f, g = rows[r, q, segment, 0], rows[r, q, segment, 1], rows[r, q, segment, 2], rows[r, q, segment, 3]
+        y = unit * x - starts[r, q, segment]
+        levels[j, 0] = a + y * (b + y * (f + y * g))
+        levels[j, 1] = width * (b + y * (2.0 * f + 3.0 * y * g))
+        levels[j, 2] = width * width * (f + 3.0 * y * g)
+        levels[j, 3] = width * width * width * g
+
+
+@kernel
+def level_at(levels: Array, j: int, z: float) -> float:
+    """Return a level at a part z of the step."""
+    total: float = levels[j, 0] + z * (levels[j, 1] + z * (levels[j, 2] + z * levels[j, 3]))
+    return total
+
+
+@kernel
+def level_slope_at(levels: Array, j: int, z: float) -> float:
+    """Return the derivative of a level in the part z of the step."""
+    total: float = levels[j, 1] + z * (2.0 * levels[j, 2] + 3.0 * z * levels[j, 3])
+    return total
+
+
+@kernel
+def next_breakpoint(first: Integers, position: Array, r: int, cell: int, x: float) -> float:
+    """Return the end of the step from x in a cell: the next breakpoint of the excitation, or the end of the cell."""
+    for i in range(first[r, cell], first[r, cell + 1]):
+        end: float = position[r, i]
+        if end > x + 1e-12:
+            return end
+    return 1.0
+
+
+@kernel
+def apply_rate_jump(breakpoints: Breakpoints, r: int, cell: int, span: Array, v: Array) -> None:
+    """Apply the jump of v if the step ends at a breakpoint of the excitation; each breakpoint is applied once."""
+    end = span[0] + span[1]
+    if 1.0 - end <= 1e-12:
+        end = 1.0
+    for i in range(breakpoints.first[r, cell], breakpoints.first[r, cell + 1]):
+        if span[0] + 1e-12 < breakpoints.position[r, i] <= end + 1e-12:
+            for j in range(len(v)):
+                v[j] -= breakpoints.kink[r, i, j]
