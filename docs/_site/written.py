@@ -89,7 +89,7 @@ def entry(name: str, thing: Any) -> str:
 
 def described(name: str) -> str:
     """Return the docstring below a constant of `hbgear.plot`, from the file that defines it."""
-    for file in sorted(Path(plot.__file__).parent.glob("*.py")):
+    for file in sorted(Path(plot.__file__).parent.rglob("*.py")):
         for node, below in pairwise([*ast.parse(file.read_text(encoding="utf-8")).body, ast.Pass()]):
             targets = getattr(node, "targets", [getattr(node, "target", None)])
             if name in [getattr(target, "id", "") for target in targets]:

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 from hbgear.common import lazy_names as _late
 
 if TYPE_CHECKING:  # imported when they are first used
-    from hbgear.plot.attractors import VERDICTS, bifurcation_diagram
     from hbgear.plot.curves import response, responses, speed_axes
     from hbgear.plot.designs.bands import band
     from hbgear.plot.designs.effects import tornado
@@ -35,7 +34,8 @@ if TYPE_CHECKING:  # imported when they are first used
     from hbgear.plot.machines.teeth import harris_map, tooth_loads
     from hbgear.plot.machines.trains import load_sharing, planetary, train
     from hbgear.plot.motions import FLOOR, phase_diagram, portrait, spectrum, time_history
-    from hbgear.plot.simulation import (
+    from hbgear.plot.simulations.attractors import VERDICTS, bifurcation_diagram
+    from hbgear.plot.simulations.simulation import (
         BASINS,
         DIRECTIONS,
         INKS,

@@ -24,6 +24,7 @@ from hbgear.harmonic.bifurcations.events import named
 from hbgear.harmonic.models.frequency_units import common_scales
 from hbgear.plot.branch_sections import HEADROOM, SmoothCurve, bounded, sections
 from hbgear.plot.free_motions import with_other_kinds
+from hbgear.plot.insets import enlarge, move_legend_off
 from hbgear.plot.style import (
     BRANCHES,
     COLOURS,
@@ -32,7 +33,6 @@ from hbgear.plot.style import (
     WIDTHS,
     add_legend,
     axes_or_new,
-    current_font,
     dress,
     heighten,
     in_words,
@@ -135,7 +135,8 @@ def response(
     is_new, is_empty = ax is None, ax is None or not ax.has_data()
     with styled():
         ax = axes_or_new(ax, (5.0, 3.4))
-        _curve(ax, branch, abscissa.along(branch), amplitude, element, "black" if label and not color else color, label)
+        x = abscissa.along(branch)
+        _curve(ax, branch, x, amplitude, element, "black" if label and not color else color, label)
         if jumps:
             for jump in branch.jumps():
                 _arrow(ax, branch, jump, abscissa, height)
@@ -145,11 +146,16 @@ def response(
         _name(ax, branch, abscissa, height)
         if (is_new if speeds is None else speeds) and scaled_axes(ax, abscissa.above) and is_new:
             heighten(ax)
-        frame = _enlarge(ax, branch, abscissa, amplitude, element, color) if is_new else None
+        frame = None
+        if is_new:
+            frame = enlarge(
+                ax, branch, abscissa, amplitude, element,
+                lambda inset, factor: _curve(inset, branch, x, amplitude, element, color, None, enlarged=factor),
+            )  # fmt: skip
         if legend:
             add_legend(ax)
         if legend and is_new:
-            _move_legend_off(ax, frame)
+            move_legend_off(ax, frame)
     return ax
 
 
@@ -406,120 +412,3 @@ def _marks(ax: Axes, branch: Branch, abscissa: Abscissa, height: Ordinate, numbe
         side = (1 if point.kind != "LP" or x >= around.mean() else -1, 0)
         text = f"{point.label} ({labels.curves})" if numbered else point.label
         labels.add(line, labels.curves, point.kind, text, point.kind != "GR", side)
-
-
-def _with_margin(values: Array) -> tuple[float, float]:
-    """Return the limits of an enlarged axis."""
-    margin = 0.6 * float(np.ptp(values)) or 0.01 * abs(float(values.max())) or 1.0
-    return float(values.min()) - margin, float(values.max()) + margin
-
-
-_MIN_VISIBLE_LENGTH = 18.0
-"""Length [pt] below which an unstable section is not visible between the symbols at its ends."""
-
-
-def _enlarge(
-    ax: Axes, branch: Branch, abscissa: Abscissa, amplitude: Array, element: int | str, color: str | None
-) -> Any:
-    """Draw the longest of the unstable sections below `_MIN_VISIBLE_LENGTH` enlarged on inset axes.
-
-    Return the frame of the inset axes; None if there is no such section.
-    """
-    figure: Any = ax.figure
-    x = abscissa.along(branch)
-    size = 72 * 0.85 * np.array(figure.get_size_inches())
-    box = np.array([ax.get_xlim(), ax.get_ylim()])
-    fractions = (np.stack([x, amplitude], axis=1) - box[:, 0]) / (box[:, 1] - box[:, 0])
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(*(np.diff(fractions, axis=0) * size).T))])
-    lengths = [(along[last] - along[first], first, last) for first, last in _unstable(branch, element)]
-    short = [section for section in lengths if 0 < section[0] < _MIN_VISIBLE_LENGTH]
-    if not short:
-        return None
-    _, first, last = max(short)
-    middle = 0.5 * (fractions[first] + fractions[last])
-    corner = _free_position(fractions, middle)
-    frame = ax.add_patch(_frame(ax, corner))  # legends avoid patches
-    zoomed = ax.inset_axes((*corner, *_INSET_SIZE), label="inset")
-    points = slice(first, last + 1)
-    ends = [_with_margin(values[points]) for values in (x, amplitude)]
-    enlarged = max(float(np.ptp(v) / np.ptp(limits)) for v, limits in zip((x, amplitude), ends, strict=True))
-    _curve(zoomed, branch, x, amplitude, element, color, None, enlarged=enlarged)
-    for point in map(named, branch.special):
-        position = (abscissa.at(branch, point.parameters[branch.parameter]), float(amplitude[point.index]))
-        zoomed.plot(*position, point.marker, markersize=4.0, markerfacecolor="black" if point.certificate else "white",
-                    markeredgecolor="black", markeredgewidth=0.9, zorder=4)  # fmt: skip
-    zoomed.set(xlim=ends[0], ylim=ends[1])
-    zoomed.locator_params(nbins=4)
-    zoomed.tick_params(
-        direction="in", top=True, right=True, width=0.6, labelsize=7, labelfontfamily=current_font(), pad=2
-    )
-    ax.indicate_inset_zoom(zoomed, edgecolor=GREY, linewidth=0.6)
-    return frame
-
-
-def _move_legend_off(ax: Axes, frame: Any) -> None:
-    """Move the legend to the right of the axes if it covers the curve or the frame of inset axes, else fix its place.
-
-    Labels are placed later, and the best place of a legend that is not fixed might change.
-    """
-    figure: Any = ax.figure
-    figure.draw_without_rendering()
-    legend: Any = ax.get_legend()
-    if legend is None:
-        return
-    extent = legend.get_window_extent()
-    covered = frame is not None and extent.overlaps(frame.get_window_extent())
-    for line in ax.lines if not covered else ():
-        if str(line.get_gid()).startswith("branch"):
-            covered = covered or line.get_transform().transform_path(line.get_path()).intersects_bbox(extent, False)
-    if covered:
-        legend.set_loc("upper left")
-        legend.set_bbox_to_anchor((1.01, 1.0))
-    else:
-        legend.set_loc(tuple(ax.transAxes.inverted().transform(extent.p0)))
-
-
-_INSET_SIZE = (0.27, 0.29)
-"""Width and height of inset axes, as fractions of the axes."""
-
-
-_TICK_LABEL_SIZE = (0.085, 0.08)
-"""Width and height of the tick labels to the left of and below inset axes, as fractions of the axes."""
-
-
-def _unstable(branch: Branch, element: int | str) -> list[tuple[int, int]]:
-    """Return the first and last point of every unstable section."""
-    ranges: list[tuple[int, int]] = []
-    for (_, stable), first, last in sections(branch, element):
-        if stable is False and ranges and ranges[-1][1] == first:
-            ranges[-1] = (ranges[-1][0], last)
-        elif stable is False:
-            ranges.append((first, last))
-    return ranges
-
-
-def _free_position(fractions: Array, point: Array) -> tuple[float, float]:
-    """Return the lower left corner of inset axes that cover no curve, as near as possible to a point of the curve."""
-    steps = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(fractions, axis=0).T))])
-    distances = np.linspace(0.0, steps[-1], 2000)
-    x, y = (np.interp(distances, steps, column) for column in fractions.T)
-
-    def cost(corner: tuple[float, float]) -> float:
-        left, low = corner[0] - _TICK_LABEL_SIZE[0], corner[1] - _TICK_LABEL_SIZE[1]
-        right, high = corner[0] + _INSET_SIZE[0] + 0.02, corner[1] + _INSET_SIZE[1] + 0.02
-        covered = np.mean((x > left) & (x < right) & (y > low) & (y < high))
-        centre = np.add(corner, np.divide(_INSET_SIZE, 2))
-        return 1e3 * float(covered) + float(np.hypot(*(centre - point)))
-
-    lefts = np.linspace(_TICK_LABEL_SIZE[0] + 0.01, 0.98 - _INSET_SIZE[0], 30)
-    bottoms = np.linspace(_TICK_LABEL_SIZE[1] + 0.01, 0.97 - _INSET_SIZE[1], 30)
-    return min(((float(a), float(b)) for a in lefts for b in bottoms), key=cost)
-
-
-def _frame(ax: Axes, corner: tuple[float, float]) -> Any:
-    """Return an invisible rectangle under inset axes and their tick labels."""
-    from matplotlib.patches import Rectangle
-
-    low = (corner[0] - _TICK_LABEL_SIZE[0], corner[1] - _TICK_LABEL_SIZE[1])
-    size = (_INSET_SIZE[0] + _TICK_LABEL_SIZE[0] + 0.02, _INSET_SIZE[1] + _TICK_LABEL_SIZE[1] + 0.02)
-    return Rectangle(low, *size, transform=ax.transAxes, facecolor="none", edgecolor="none", gid="frame")

@@ -14,7 +14,7 @@ if TYPE_CHECKING:  # imported when they are first used
     from hbgear.time.integration import integrate
     from hbgear.time.jump_integration import integrate_jumps
     from hbgear.time.shooting import shoot
-    from hbgear.time.stability_check import StabilityComparison, compare_multipliers
+    from hbgear.time.validation.stability_check import StabilityComparison, compare_multipliers
     from hbgear.time.validation.validate import validate
 
 __all__ = [

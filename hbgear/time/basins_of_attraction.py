@@ -30,7 +30,7 @@ from hbgear.mechanics.models import Model, System
 from hbgear.mechanics.plausibility import check_frequency, check_model
 from hbgear.mechanics.series.fourier import real_numbers
 from hbgear.time.exponential.integrator import ExponentialIntegrator, StateBatch
-from hbgear.time.frequency_sweep import index_of, observe
+from hbgear.time.observation import index_of, observe
 from hbgear.time.steady_state import OBSERVED, SteadyStateSettings, settle_into, unsettled
 
 _MAX_STARTS = 1_000_000

@@ -27,12 +27,9 @@ from hbgear.continuation.results.termination import Termination
 from hbgear.harmonic.equations import layout as measures
 from hbgear.mechanics.models import Model
 from hbgear.mechanics.plausibility import check_model
-from hbgear.mechanics.series.fourier import to_real
 from hbgear.time.exponential.integrator import ExponentialIntegrator, StateBatch
+from hbgear.time.observation import HARMONICS, Observation, index_of, observe
 from hbgear.time.steady_state import FEWEST, OBSERVED, WINDOW, Settled, SteadyStateSettings, disturbed, lyapunov, settle
-
-HARMONICS = 16
-"""Number of harmonics of the excitation that are stored for each settled motion [-]."""
 
 _PERIODS_BEFORE_LYAPUNOV = 400
 """Number of excitation periods [-] after which a motion that has not settled is tested for chaos."""
@@ -45,78 +42,6 @@ _MIN_JUMP = 0.02
 
 _MIN_JUMP_APERIODIC = 0.2
 """The same threshold [-] if a motion is not periodic, because its amplitude fluctuates."""
-
-
-# ---- observation of a motion
-
-
-@dataclass(frozen=True, eq=False)
-class Observation:
-    """Amplitudes of a settled motion, or of a section of a motion that is not periodic.
-
-    Attributes
-    ----------
-    rms, pp2, max, mean : ndarray, shape (m,)
-        Root mean square, half peak-to-peak, largest modulus and mean of each element coordinate.
-    rows : ndarray, shape (m, 2H + 1)
-        Real Fourier coefficients of each element coordinate, in harmonics of the excitation.
-    points : ndarray, shape (k, m, 2)
-        Poincare points (d, v) at tau = 0, one per excitation period.
-    """
-
-    rms: Array
-    pp2: Array
-    max: Array
-    mean: Array
-    rows: Array
-    points: Array
-
-
-def observe(integrator: ExponentialIntegrator, motions: StateBatch, periods: int) -> Observation:
-    """Integrate one motion over a number of excitation periods, in place, and evaluate its amplitudes.
-
-    Parameters
-    ----------
-    integrator : ExponentialIntegrator
-        Integrator of the motion.
-    motions : StateBatch
-        The motion; replaced by its state at the end.
-    periods : int
-        Number of excitation periods.
-
-    Returns
-    -------
-    Observation
-        Amplitudes, harmonics and Poincare points.
-    """
-    fine = integrator.advance(motions, periods, record=True)
-    assert fine is not None
-    d, v = fine[0][0], fine[1][0]
-    per_period = d.shape[1] // periods
-    h = 2 * np.pi / (integrator.Omega[0] * per_period)
-    low, high = _extremum(d, v, h, -1), _extremum(d, v, h, 1)
-    c = np.fft.rfft(d, axis=1)[:, : HARMONICS * periods + 1 : periods] / d.shape[1]
-    c[:, 1:] *= 2
-    points = np.stack([d[:, ::per_period], v[:, ::per_period]], axis=-1).transpose(1, 0, 2)
-    return Observation(
-        d.std(axis=1), (high - low) / 2, np.maximum(np.abs(low), np.abs(high)), d.mean(axis=1), to_real(c), points
-    )
-
-
-def _extremum(d: Array, v: Array, h: float, sign: int) -> Array:
-    """Return the maximum (sign = 1) or minimum (-1) of each element from samples at distance h.
-
-    The extreme sample is corrected by the parabola through it, d - v^2 / (2 v').
-    """
-    i = np.argmax(sign * d, axis=1)
-    rows, count = np.arange(len(d)), d.shape[1]
-    acceleration = (v[rows, (i + 1) % count] - v[rows, (i - 1) % count]) / (2 * h)
-    correction = np.divide(-(v[rows, i] ** 2), 2 * acceleration, out=np.zeros(len(d)), where=sign * acceleration < 0)
-    extremum: Array = d[rows, i] + correction
-    return extremum
-
-
-# ---- sweeps
 
 
 _ADVICE = "motions up to there are kept; sweep the other values from the last state: start=sweep.states[-1]"
@@ -257,33 +182,6 @@ class Sweep:
     def export(self, path: str | os.PathLike[str]) -> None:
         """Write a table of the values (.csv) by an atomic replacement of the file."""
         export((self,), path)
-
-
-def index_of(elements: Sequence[str], element: int | str) -> int:
-    """Return the index of an element, given by index or name.
-
-    Parameters
-    ----------
-    elements : sequence of str
-        Names of all elements.
-    element : int or str
-        Index or name of the element.
-
-    Returns
-    -------
-    int
-        Index of the element.
-
-    Raises
-    ------
-    KeyError
-        If there is no such element.
-    """
-    if isinstance(element, str) and element in elements:
-        return elements.index(element)
-    if not isinstance(element, str) and 0 <= element < len(elements):
-        return int(element)
-    raise KeyError(f"no element {element!r}; choose one of {', '.join(map(repr, elements))}, or its index from 0")
 
 
 def export(sweeps: Sequence[Sweep], path: str | os.PathLike[str]) -> None:

@@ -9,7 +9,7 @@ from hbgear import plot
 from hbgear.time import basins_of_attraction as module
 from hbgear.time.basins_of_attraction import basins
 from hbgear.time.exponential.integrator import ExponentialIntegrator
-from hbgear.time.frequency_sweep import observe
+from hbgear.time.observation import observe
 from hbgear.time.steady_state import SteadyStateSettings, settle
 
 PAIR, OMEGA = hb.SpurPair(e=(0.1,)), 0.65

@@ -15,7 +15,8 @@ from hbgear.continuation.results.status import Status
 from hbgear.continuation.solvers.newton import solve
 from hbgear.time.basins_of_attraction import basins
 from hbgear.time.exponential.integrator import ExponentialIntegrator
-from hbgear.time.frequency_sweep import export, observe, sweep
+from hbgear.time.frequency_sweep import export, sweep
+from hbgear.time.observation import observe
 from hbgear.time.steady_state import FEWEST, SteadyStateSettings, lyapunov, settle
 
 FOLDS = (0.7080316187, 0.8284639844)

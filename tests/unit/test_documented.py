@@ -8,9 +8,10 @@ import pkgutil
 import pytest
 
 import hbgear as hb
-from hbgear.plot import curves, simulation
+from hbgear.plot import curves
 from hbgear.plot.designs import bands, effects, fits, study
 from hbgear.plot.machines import mesh, rotors, trains
+from hbgear.plot.simulations import simulation
 
 SPACES = ("analysis", "continuation", "design", "gears", "harmonic", "io", "mechanics", "time")
 PUBLIC = {f"hb.{name}": getattr(hb, name) for name in hb.__all__} | {

@@ -728,7 +728,7 @@ def test_jump_map_has_axes_of_speed_only_if_omega_means_the_same_everywhere():
 @pytest.mark.parametrize("share", [0.27, 0.75])
 def test_a_legend_keeps_clear_of_enlarged_axes(monkeypatch, share):
     """The legend is on the axes if there is room for it, otherwise to the right of them."""
-    monkeypatch.setattr("hbgear.plot.curves._INSET_SIZE", (share, share))
+    monkeypatch.setattr("hbgear.plot.insets._INSET_SIZE", (share, share))
     curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(zeta=0.117), 16), "Omega", (1.5, 0.3))
     ax = hb.plot.response(curve)
     ax.figure.draw_without_rendering()

@@ -49,6 +49,12 @@ def test_faults_of_a_site_are_reported(site, tmp_path, fault, message):
     assert site("whole").faults(tmp_path) == [message]
 
 
+def test_every_constant_of_the_figures_is_described(site):
+    """Constants of sub-packages of hbgear.plot, too."""
+    constants = [name for name in plot.__all__ if name.isupper()]
+    assert "PERCENTILES" in constants and [name for name in constants if not site("written").described(name)] == []
+
+
 def test_docstrings_are_converted_for_sphinx(site):
     text = """Return the root of |x|, and c_ of `Wheel`s.
 

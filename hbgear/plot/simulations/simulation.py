@@ -101,7 +101,7 @@ def sweeps(
     Examples
     --------
     >>> import hbgear as hb
-    >>> from hbgear.plot import simulation
+    >>> from hbgear.plot.simulations import simulation
     >>> up = hb.time.sweep(hb.Duffing(zeta=0.3), [0.5, 0.6], "up")
     >>> axes = simulation.sweeps([up])
     """
@@ -201,7 +201,7 @@ def bifurcation(
     Examples
     --------
     >>> import hbgear as hb
-    >>> from hbgear.plot import simulation
+    >>> from hbgear.plot.simulations import simulation
     >>> up = hb.time.sweep(hb.Duffing(zeta=0.3), [0.5, 0.6], "up")
     >>> axes = simulation.bifurcation([up])
     """
@@ -261,7 +261,7 @@ def basins(found: Basins, ax: Axes | None = None, *, model: Model | None = None,
     Examples
     --------
     >>> import hbgear as hb
-    >>> from hbgear.plot import simulation
+    >>> from hbgear.plot.simulations import simulation
     >>> axes = simulation.basins(hb.time.basins(hb.Duffing(zeta=0.2), 1.0, shape=(2, 2)))
     """
     from matplotlib.colors import ListedColormap
@@ -330,7 +330,7 @@ def validation(
     Examples
     --------
     >>> import hbgear as hb
-    >>> from hbgear.plot import simulation
+    >>> from hbgear.plot.simulations import simulation
     >>> curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 7), "Omega", (0.8, 0.9))
     >>> figure = simulation.validation(hb.validate(curve, 1), curve)
     """

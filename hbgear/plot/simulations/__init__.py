@@ -1,0 +1,1 @@
+"""Figures of time integration: sweeps, basins, bifurcation diagrams and validation."""
