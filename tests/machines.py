@@ -37,6 +37,25 @@ class Needs(hb.mechanics.Model):
         return system(self.zeta, self.F)
 
 
+def gear_pair(teeth=(25, 40), **fields):
+    """A pair of spur gears of 3 mm module, 20 mm wide, with a backlash of 80 um; ``fields`` are those of both gears."""
+    return hb.GearPair(*(hb.gears.Gear(z, "3 mm", "20 mm", **fields) for z in teeth), backlash="80 um")
+
+
+def two_masses(F=0.13, ground=None, link=None):
+    """Two masses whose response is quasi-periodic between the Neimark-Sacker points 1.1153 and 1.2513."""
+    C, K = [[0.015, -0.013], [-0.013, 0.013]], [[1.0453, -0.0453], [-0.0453, 0.0453]]
+    springs = [hb.Element([1.0, 0.0], ground or hb.Cubic(1.0), name="ground"),
+               hb.Element([1.0, -1.0], link or hb.Cubic(0.0042), name="link")]  # fmt: skip
+    return hb.System(np.diag([1.0, 0.05]), C, K, springs, hb.Load(cosine={1: [F, 0.0]}))
+
+
+def state_matrix(M, C, K):
+    """The matrix A of the equations of motion (q, v)' = A (q, v)."""
+    n = len(M)
+    return np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(M, K), -np.linalg.solve(M, C)]])
+
+
 def cantilever(n):
     """Mass and stiffness matrices of a clamped beam of unit length, mass and bending stiffness, of n elements."""
     h, (M, K) = 1 / n, np.zeros((2, 2 * n + 2, 2 * n + 2))

@@ -4,6 +4,7 @@ x'' + 0.3 x' - x + x^3 = gamma cos(1.2 t): Jordan & Smith, Nonlinear Ordinary Di
 ch. 12, period 1 at gamma = 0.20, 2 at 0.28, 4 at 0.29, 5 at 0.37, chaos at 0.50, period 2 at 0.65.
 """
 
+import machines
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
@@ -27,10 +28,7 @@ def two_wells(gamma: float = 0.2) -> hb.System:
 
 @model
 def two_masses(F: float = 0.13) -> hb.System:
-    """Two masses whose response is quasi-periodic between the Neimark-Sacker points 1.1153 and 1.2513."""
-    C, K = [[0.015, -0.013], [-0.013, 0.013]], [[1.0453, -0.0453], [-0.0453, 0.0453]]
-    springs = [hb.Element([1.0, 0.0], Cubic(1.0), name="ground"), hb.Element([1.0, -1.0], Cubic(0.0042), name="link")]
-    return hb.System(np.diag([1.0, 0.05]), C, K, springs, hb.Load(cosine={1: [F, 0.0]}))
+    return machines.two_masses(F)
 
 
 def diagram(span, values, direction="up"):

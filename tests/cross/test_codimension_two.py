@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 import scipy
+from machines import two_masses
 
 import hbgear as hb
 
@@ -258,12 +259,9 @@ def test_branch_points_are_not_followed_where_the_symmetry_is_broken():
 
 @pytest.mark.slow
 def test_neimark_sacker_points_over_the_load_are_those_of_shooting():
-    C, K = [[0.015, -0.013], [-0.013, 0.013]], [[1.0453, -0.0453], [-0.0453, 0.0453]]
-
     @hb.mechanics.model
     def masses(F: float = 0.13) -> hb.System:
-        springs = [hb.Element([1.0, 0.0], hb.Cubic(1.0)), hb.Element([1.0, -1.0], hb.Cubic(0.0042))]
-        return hb.System(np.diag([1.0, 0.05]), C, K, springs, hb.Load(cosine={1: [F, 0.0]}))
+        return two_masses(F)
 
     curve = hb.trace(hb.HarmonicBalance(masses(), 11), "Omega", (1.1, 1.16), at={"F": 0.11})
     held = hb.follow(curve, "NS1", "F", (0.11, 0.1))
@@ -286,12 +284,9 @@ class PythonCubic(hb.mechanics.Law):
 
 
 def test_sampled_slopes_give_the_same_hill_determinant_as_closed_forms():
-    C, K = [[0.015, -0.013], [-0.013, 0.013]], [[1.0453, -0.0453], [-0.0453, 0.0453]]
     exponents, X = [], np.random.default_rng(1).normal(size=22) * 0.1
     for law in (hb.Cubic, PythonCubic):
-        springs = [hb.Element([1.0, 0.0], law(1.0)), hb.Element([1.0, -1.0], law(0.0042))]
-        masses = hb.System(np.diag([1.0, 0.05]), C, K, springs, hb.Load(cosine={1: [0.13, 0.0]}))
-        problem = hb.HarmonicBalance(masses, 5)
+        problem = hb.HarmonicBalance(two_masses(ground=law(1.0), link=law(0.0042)), 5)
         exponents.append(hb.harmonic.NeimarkSackerProblem(problem, "Omega").exponent(X, Omega=1.14))
     assert abs(exponents[1] - exponents[0]) < 1e-12
 

@@ -8,6 +8,7 @@ import pytest
 from cross.shooting import state
 from cross.shooting_branch import Shooter
 from cross.test_two_masses import POINTS, SPAN, two_masses
+from machines import gear_pair
 
 import hbgear as hb
 from hbgear.continuation.curve.segment import Segment, point_from_solution
@@ -344,8 +345,7 @@ def test_a_doubling_solved_for_with_more_harmonics_is_left_as_before():
 
 def test_a_fold_before_that_of_the_points_is_no_landing():
     """Points of the curve beyond a fold located with more harmonics are no landing candidates."""
-    pinion, wheel = (hb.gears.Gear(teeth=z, module="3 mm", face_width="20 mm") for z in (25, 40))
-    pair = hb.GearPair(pinion, wheel, backlash="80 um").model("200 N m", 0.04, mesh="secant")
+    pair = gear_pair().model("200 N m", 0.04, mesh="secant")
     curve = hb.trace(hb.HarmonicBalance(pair, 16), "Omega", (0.5, 0.3))
     (fall,) = [jump for jump in curve.jumps() if jump.direction < 0]
     fold = curve[fall.label]

@@ -9,6 +9,7 @@ from dataclasses import replace
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from machines import two_masses
 
 import hbgear as hb
 from hbgear.continuation.solvers.newton import solve
@@ -27,14 +28,6 @@ CIRCLES = {
     1.21: (0.07976049351697487, 0.41420508857739086, 1.2287133854515826),
 }
 """Rotation number, and rms of both coordinates, at Omega."""
-
-
-def two_masses(damped=False):
-    """The two masses; with a cubic damper that depends on the rate, if wanted."""
-    C, K = [[0.015, -0.013], [-0.013, 0.013]], [[1.0453, -0.0453], [-0.0453, 0.0453]]
-    ground = CubicDamper() if damped else hb.Cubic(1.0)
-    springs = [hb.Element([1.0, 0.0], ground, name="ground"), hb.Element([1.0, -1.0], hb.Cubic(0.0042), name="link")]
-    return hb.System(np.diag([1.0, 0.05]), C, K, springs, hb.Load(cosine={1: [0.13, 0.0]}))
 
 
 class CubicDamper(hb.mechanics.Law):
@@ -110,7 +103,7 @@ def test_time_integration_stays_on_the_torus(tori):
 
 @pytest.mark.parametrize("damped", [False, True])
 def test_jacobian_is_the_derivative_of_the_residual(damped):
-    balance = hb.HarmonicBalance(two_masses(damped), 3)
+    balance = hb.HarmonicBalance(two_masses(ground=CubicDamper() if damped else None), 3)
     problem = hb.harmonic.TorusProblem(balance, TorusBasis(3, 3))
     rng = np.random.default_rng(0)
     U, v = rng.normal(size=(2, problem.size))

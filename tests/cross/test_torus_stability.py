@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 import scipy
+from machines import two_masses
 
 import hbgear as hb
 from hbgear.continuation.solvers.newton import solve
@@ -102,10 +103,7 @@ def test_unstable_motion_departs_at_the_rate_of_growth(curve):
 @pytest.fixture(scope="module")
 def masses():
     """A part of the tori of two masses, see `test_tori`."""
-    C, K = [[0.015, -0.013], [-0.013, 0.013]], [[1.0453, -0.0453], [-0.0453, 0.0453]]
-    springs = [hb.Element([1.0, 0.0], hb.Cubic(1.0)), hb.Element([1.0, -1.0], hb.Cubic(0.0042))]
-    system = hb.System(np.diag([1.0, 0.05]), C, K, springs, hb.Load(cosine={1: [0.13, 0.0]}))
-    curve = hb.trace(hb.HarmonicBalance(system, 7), "Omega", (1.1, 1.15))
+    curve = hb.trace(hb.HarmonicBalance(two_masses(), 7), "Omega", (1.1, 1.15))
     return hb.analysis.torus(curve, "NS1", (1.1, 1.15), harmonics=(7, 10))
 
 

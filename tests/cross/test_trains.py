@@ -5,6 +5,7 @@ from math import cos, pi, radians, sin, tan
 
 import numpy as np
 import pytest
+from machines import gear_pair
 
 import hbgear as hb
 from hbgear.gears.trains.train import in_order
@@ -85,9 +86,8 @@ def test_folds_of_the_marine_pair():
 
 
 def spur(**kwargs):
-    a, b = (hb.gears.Gear(teeth=z, module="3 mm", face_width="20 mm") for z in (25, 40))
-    pair = hb.GearPair(a, b, backlash="80 um")
-    wheels = [hb.gears.Wheel.of("pinion", a, torque="200 N m"), hb.gears.Wheel.of("wheel", b)]
+    pair = gear_pair()
+    wheels = [hb.gears.Wheel.of("pinion", pair.pinion, torque="200 N m"), hb.gears.Wheel.of("wheel", pair.wheel)]
     return pair, hb.gears.Train(
         wheels, [hb.gears.Mesh.of("pinion", "wheel", pair, "200 N m", 0.04)], balance="wheel", **kwargs
     )

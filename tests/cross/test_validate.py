@@ -5,6 +5,7 @@ from dataclasses import replace
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from machines import gear_pair
 
 import hbgear as hb
 from hbgear import plot
@@ -63,8 +64,7 @@ def test_teeth_of_a_drawing():
 
     At one of them, shooting from the state of the series converges to the motion beyond the fold.
     """
-    pinion, wheel = (hb.gears.Gear(teeth=z, module="3 mm", face_width="20 mm") for z in (25, 40))
-    model = hb.GearPair(pinion, wheel, backlash="80 um").model(200.0, 0.04)
+    model = gear_pair().model(200.0, 0.04)
     curve = hb.trace(hb.HarmonicBalance(model, 16), "Omega", (0.9, 0.6), cover=False)
     found = validate(curve, 5)
     assert found.ok and len(found.rows) == 5 and {row.stable for row in found.rows} == {True, False}

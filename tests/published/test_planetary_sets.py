@@ -5,6 +5,7 @@ Lin and Parker (1999), J. Vib. Acoust. 121(3), https://doi.org/10.1115/1.2893982
 
 import numpy as np
 import pytest
+from machines import state_matrix
 
 import hbgear as hb
 from hbgear.mechanics.series.fourier import evaluate
@@ -184,9 +185,7 @@ def test_multipliers_with_a_turning_carrier():
         w = np.asarray(element.direction)
         C, K = C + element.damping * np.outer(w, w), K + element.law.reference * np.outer(w, w)
     M = np.asarray(system.M)
-    poles = np.linalg.eigvals(
-        np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(M, K), -np.linalg.solve(M, C)]])
-    )
+    poles = np.linalg.eigvals(state_matrix(M, C, K))
     poles = poles[np.abs(poles) > 1e-5]
     assert len(poles) == 40
     exact = np.exp(2 * np.pi * poles / Omega)

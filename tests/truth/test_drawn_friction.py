@@ -5,6 +5,7 @@ J_1 th_1'' = T_1 - M_1,   J_2 th_2'' = M_2 - T_2,   M = sum over pairs of N (r_b
 
 import numpy as np
 import pytest
+from machines import gear_pair
 from scipy.integrate import solve_ivp
 
 import hbgear as hb
@@ -13,8 +14,8 @@ from hbgear.gears.mesh.tooth_contacts import Flank, PathFunction
 from hbgear.gears.mesh.tooth_friction import friction_mesh
 
 MU, TORQUE, ZETA = 0.08, 200.0, 0.04
-PINION, WHEEL = (hb.gears.Gear(teeth=z, module="3 mm", face_width="20 mm") for z in (25, 40))
-PAIR = hb.GearPair(PINION, WHEEL, backlash="80 um")
+PAIR = gear_pair()
+PINION, WHEEL = PAIR.pinion, PAIR.wheel
 SUPPORTS = (hb.gears.Support("3e8 N/m", axial="1e8 N/m", tilt="5e5 N m/rad"),) * 2
 
 

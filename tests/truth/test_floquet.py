@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import scipy
 from cross.shooting import integrate, state
-from machines import cantilever
+from machines import cantilever, state_matrix
 
 from hbgear import Backlash, Cubic, Duffing, Element, HarmonicBalance, Load, SpurPair, System, Unilateral, trace
 from hbgear.continuation.solvers.newton import solve
@@ -115,8 +115,7 @@ def flow_between(system, stiffness, begin, end, Omega):
     C, K, n = np.asarray(system.C), np.asarray(system.K), len(M)
 
     def matrix(tau):
-        full = K + stiffness(tau) * np.outer(w, w)
-        return np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(M, full), -np.linalg.solve(M, C)]])
+        return state_matrix(M, C, K + stiffness(tau) * np.outer(w, w))
 
     if stiffness(begin) == stiffness(0.5 * (begin + end)):
         return scipy.linalg.expm(matrix(begin) * (end - begin) / Omega)
@@ -240,10 +239,9 @@ def test_linear_motion_of_the_double_helical_pair():
     """All 46 multipliers are exp(lambda T) of the closed mesh; the pair +1 of the free rotation is excluded."""
     model = DoubleHelicalPair(W=-1.0, eps=())
     system, problem = model.system(), HarmonicBalance(model, 3)
-    W, n = system.W, 24
+    W = system.W
     K, C = system.K + W @ W.T, system.C + system.elements[0].damping * W @ W.T
-    A = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(system.M, K), -np.linalg.solve(system.M, C)]])
-    poles = np.linalg.eigvals(A)
+    poles = np.linalg.eigvals(state_matrix(system.M, C, K))
     poles = poles[np.argsort(np.abs(poles))][2:]
     expected = np.exp(poles * 2 * np.pi / 0.9)
     mu = problem.multipliers(problem.start(0.9), Omega=0.9)

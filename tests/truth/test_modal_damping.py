@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import scipy
+from machines import state_matrix
 
 import hbgear as hb
 
@@ -19,9 +20,7 @@ def chain(n: int, free: bool = False) -> tuple[np.ndarray, np.ndarray]:
 
 def ratios_of(M, C, K):
     """Return frequencies and damping ratios of the eigenvalues s = omega (-zeta +- i sqrt(1 - zeta^2))."""
-    n = len(M)
-    A = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(M, K), -np.linalg.solve(M, C)]])
-    s = np.linalg.eigvals(A)
+    s = np.linalg.eigvals(state_matrix(M, C, K))
     s = s[s.imag > 0]
     s = s[np.argsort(np.abs(s))]
     return np.abs(s), -s.real / np.abs(s)

@@ -10,6 +10,7 @@ from math import cos, pi, sqrt
 import numpy as np
 import pytest
 import scipy
+from machines import state_matrix
 
 import hbgear as hb
 from hbgear.mechanics.series.fourier import to_complex
@@ -38,9 +39,7 @@ def test_whirl_of_a_timoshenko_shaft(Omega, inner):
         M, K, G = beam.matrices
         free = [i for i in range(len(M)) if i % 6 not in (2, 5) and i not in (0, 1, len(M) - 6, len(M) - 5)]
         M, K, G = (A[np.ix_(free, free)] for A in (M, K, Omega * G))
-        n = len(M)
-        state = np.block([[np.zeros((n, n)), np.eye(n)], [-np.linalg.solve(M, K), -np.linalg.solve(M, G)]])
-        whirl = np.linalg.eigvals(state).imag
+        whirl = np.linalg.eigvals(state_matrix(M, G, K)).imag
         found.append(np.sort(whirl[whirl > 0])[:4])
         wanted = np.sort(np.abs(np.concatenate([timoshenko(beam, mode, Omega) for mode in (1, 2)])))
     coarse, fine = (np.abs(each / wanted - 1) for each in found)
@@ -87,8 +86,7 @@ def test_whirl_of_an_overhung_disc():
     Omega = 0.7
     speed = Omega * train.omega_n / 20
     M, K, C = (A[np.ix_(at, at)] for A in (system.M, system.K, system.at_speed(Omega).C))
-    state = np.block([[np.zeros((4, 4)), np.eye(4)], [-np.linalg.solve(M, K), -np.linalg.solve(M, C)]])
-    found = np.linalg.eigvals(state).imag * train.omega_n
+    found = np.linalg.eigvals(state_matrix(M, C, K)).imag * train.omega_n
     I = pi * d**4 / 64  # noqa: E741
     phi = 12 * E * I / (train.beams[0].shear_coefficient * pi * d**2 / 4 * E / 2 / (1 + NU) * L**2)
     k11, k12, k22 = E * I / (1 + phi) * np.array([12 / L**3, -6 / L**2, (4 + phi) / L])

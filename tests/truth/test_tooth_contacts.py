@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from machines import gear_pair
 
 import hbgear as hb
 from hbgear.continuation.solvers.newton import solve
@@ -245,8 +246,7 @@ def test_folds_of_a_drawn_pair_pass_grazing_contacts_of_teeth():
 
     Beyond them they are the folds of a curve traced there, to rounding; one of them has turned back before.
     """
-    gears = [hb.gears.Gear(teeth=z, module="3 mm", face_width="20 mm", tip_relief="12 um") for z in (25, 40)]
-    model = hb.gears.DrawnPair(hb.GearPair(*gears, backlash="80 um"), 200.0, 0.04)
+    model = hb.gears.DrawnPair(gear_pair(tip_relief="12 um"), 200.0, 0.04)
     curve, other = (hb.trace(hb.HarmonicBalance(model.replace(damping=z), 16), "Omega", model.default_span)
                     for z in (0.04, 0.034))  # fmt: skip
     true = np.array([p.parameters["Omega"] for one in other.curves for p in one.special if p.kind == "LP"])

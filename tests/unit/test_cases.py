@@ -18,6 +18,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import typer
+from machines import gear_pair
 from scipy import stats
 
 import hbgear as hb
@@ -609,8 +610,7 @@ def test_interactive_code_needs_no_guard(tmp_path):
 
 def test_cases_of_a_pair_from_its_drawing_keep_its_teeth():
     """Tooth contacts are rebuilt in every case: the peak agrees to 1e-3 with a trace of the model with this damping."""
-    gears = [hb.gears.Gear(teeth=z, module="3 mm", face_width="20 mm") for z in (25, 40)]
-    model = hb.GearPair(*gears, backlash="80 um").model("200 N m", 0.08)
+    model = gear_pair().model("200 N m", 0.08)
     with ThreadPoolExecutor(1) as executor:
         found = hb.design.cases(
             model, hb.design.grid(zeta=[0.1]), ("peak",), harmonics=4, span=(0.9, 0.8), executor=executor

@@ -5,6 +5,7 @@ import textwrap
 
 import numpy as np
 import pytest
+from machines import gear_pair
 from typer.testing import CliRunner
 
 import hbgear as hb
@@ -171,8 +172,7 @@ def test_a_point_of_a_saved_backbone_is_followed(tmp_path):
 
 @pytest.mark.slow
 def test_follow_in_a_parameter_of_a_drawing_with_its_unit(folder):
-    pinion, wheel = (hb.gears.Gear(teeth=z, module="3 mm", face_width="20 mm") for z in (25, 40))
-    drawn = hb.gears.DrawnPair(hb.GearPair(pinion, wheel, backlash="80 um"), 200.0, 0.04)
+    drawn = hb.gears.DrawnPair(gear_pair(), 200.0, 0.04)
     hb.trace(hb.HarmonicBalance(drawn, 6), "Omega", (1.2, 0.6)).save(folder / "pair.npz")
     for name, within in (("a", "torque=0.2kNm:205Nm"), ("b", "torque=200:205")):
         done = run("follow", f"{folder}/pair.npz", "LP1", "--in", within, "-o", f"{folder}/{name}.npz")

@@ -18,6 +18,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from browser import browser, check_only_own_scripts_run, check_toolbars, clicked, complaints, opened, resized
+from machines import gear_pair
 
 import hbgear as hb
 from hbgear.analysis.quantities.engineering_quantities import transmission_error
@@ -39,8 +40,7 @@ def explorer(model=MODEL, span=SPAN, harmonics=8):
 
 
 def machine():
-    pinion, wheel = (hb.gears.Gear(teeth=z, module="3 mm", face_width="20 mm") for z in (25, 40))
-    return Machine(hb.GearPair(pinion, wheel, backlash="80 um"), 200.0, 0.04)
+    return Machine(gear_pair(), 200.0, 0.04)
 
 
 @contextmanager

@@ -7,6 +7,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from machines import gear_pair
 
 import hbgear as hb
 from hbgear import Duffing, HarmonicBalance, SpurPair, StepControl, trace
@@ -230,8 +231,7 @@ def test_found_from_a_model_without_a_jump(in_zeta):
 @pytest.mark.slow
 def test_all_cusps_of_a_fold_curve_are_found():
     """Two cusps of one fold curve of a pair with tip relief, against the folds of curves at dampings around them."""
-    gears = [hb.gears.Gear(z, "3 mm", "20 mm", tip_relief="15 um") for z in (25, 40)]
-    problem = HarmonicBalance(hb.gears.DrawnPair(hb.GearPair(*gears, backlash="80 um"), 200.0, 0.04), 8)
+    problem = HarmonicBalance(hb.gears.DrawnPair(gear_pair(tip_relief="15 um"), 200.0, 0.04), 8)
     found = critical_parameter(problem, "damping")
     assert found.jump_below and found.value == pytest.approx(0.04673, rel=1e-3)
     ((last, Omega),) = found.others

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from machines import gear_pair
 
 import hbgear as hb
 from hbgear.harmonic.equations.layout import derivative
@@ -214,8 +215,7 @@ def test_order_cuts_satisfy_the_equation_of_motion(order, zeta):
 
 
 def test_levels_of_orders_state_their_reference():
-    gears = [hb.gears.Gear(teeth=z, module="3 mm", face_width="20 mm") for z in (25, 40)]
-    model = hb.GearPair(*gears, backlash="80 um").model("200 N m", 0.04, mesh="tangent")
+    model = gear_pair().model("200 N m", 0.04, mesh="tangent")
     with pytest.warns(hb.mechanics.ImplausibleInputWarning):
         curve = hb.trace(hb.HarmonicBalance(model, 6), "Omega", (1.5, 1.45))
     run, scales = hb.analysis.run_up(curve, "up"), model.scales
@@ -232,8 +232,7 @@ def test_levels_of_orders_state_their_reference():
 
 
 def test_a_waterfall_of_a_drawing_is_in_hertz_over_the_speed():
-    gears = [hb.gears.Gear(teeth=z, module="3 mm", face_width="20 mm") for z in (25, 40)]
-    model = hb.GearPair(*gears, backlash="80 um").model("200 N m", 0.04, mesh="tangent")
+    model = gear_pair().model("200 N m", 0.04, mesh="tangent")
     with pytest.warns(hb.mechanics.ImplausibleInputWarning):
         curve = hb.trace(hb.HarmonicBalance(model, 6), "Omega", (1.5, 1.45))
     axes = hb.plot.waterfall(hb.analysis.run_up(curve, "up"))

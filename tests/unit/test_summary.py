@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from machines import gear_pair
 
 import hbgear as hb
 from hbgear.analysis.summary import in_speeds, reliability_lines, speeds_of
@@ -75,7 +76,7 @@ def test_without_error_estimates_there_are_no_lines(curve):
 
 def test_warnings_state_speeds_of_models_with_units():
     """A value of Omega with n digits is a speed with n - 1 digits, at least five."""
-    pair = hb.gears.GearPair(*(hb.gears.Gear(z, "3 mm", face_width="20 mm") for z in (25, 40)), backlash="80 um")
+    pair = gear_pair()
     branch = hb.trace(hb.HarmonicBalance(pair.model("200 N m", 0.05), 4), "Omega", (0.31, 0.3), accuracy=None)
     factor = speeds_of(branch, branch[0])["pinion r/min"] / branch.values[0]
     text = "between Omega = 0.647487 and Omega = 0.123456789"

@@ -7,6 +7,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 import scipy
+from machines import gear_pair
 from typer.testing import CliRunner
 
 import hbgear as hb
@@ -75,11 +76,10 @@ def file(tmp_path):
 
 def test_a_file_is_the_train(file):
     train = read_train(file)
-    first, second = (hb.gears.Gear(teeth=z, module="3 mm", face_width="20 mm") for z in (25, 30))
-    pair = hb.GearPair(first, second, backlash="80 um")
+    pair = gear_pair((25, 30))
     wheels = [
-        hb.gears.Wheel.of("in", first, torque=100.0),
-        hb.gears.Wheel.of("middle", second, x=0.0825),
+        hb.gears.Wheel.of("in", pair.pinion, torque=100.0),
+        hb.gears.Wheel.of("middle", pair.wheel, x=0.0825),
         hb.gears.Wheel("flange", 0.01),
         hb.gears.Wheel("out", 0.004, teeth=40, base_radius=0.05638155725, x=0.1875),
     ]
