@@ -160,7 +160,7 @@ def _current_folder_exists() -> bool:
 def _run(args: list[str]) -> int:
     try:
         code = int(app(args, prog_name="hbgear", standalone_mode=False) or 0)
-        if code == CTRL_C_CODE:
+        if code == CTRL_C_CODE:  # typer turns Ctrl-C into this code; it is reported below
             raise KeyboardInterrupt
         return code
     except (ValueError, KeyError, OSError, hb.NoConvergence) as error:

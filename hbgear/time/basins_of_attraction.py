@@ -319,7 +319,7 @@ class _Search:
         """Return the index of the attractor of each motion; new attractors are added."""
         z, number = self.integrator.to_modal(motions), np.full(len(period), -1)
         bounded = np.asarray(np.isfinite(z).all(axis=1))
-        radius = max(2 * self.capture, 10 * self.settling.tolerance)
+        radius = max(2 * self.capture, 10 * self.settling.tolerance)  # of two motions near one attractor
         first_new = 0
         while True:
             for i in range(first_new, len(self.states)):

@@ -340,7 +340,7 @@ def _solution_near(problem: Any, motion: Point, jump: Jump) -> Point:
     assert isinstance(layout, Layout)
     balance = problem if layout.nu == problem.nu else problem.with_order(layout.nu, problem.H // problem.nu * layout.nu)
     X = balance.from_layout(motion.X, layout)
-    for parameters in ({**motion.parameters}, {**motion.parameters, jump.parameter: jump.value}):
+    for parameters in ({**motion.parameters}, {**motion.parameters, jump.parameter: jump.value}):  # beyond, then at it
         try:
             solution = solve(balance, X, parameters, jump.parameter)
         except NoConvergence:

@@ -77,8 +77,9 @@ def least_singular_vectors(A: Matrix, max_iterations: int = 200) -> tuple[Array,
     corner[-1] = 1.0
     right, left = lu.solve(corner), lu.adjoint_solve(corner)
     g = right[-1]
-    for _ in range(max_iterations):
+    for _ in range(max_iterations):  # the factors of the first borders serve all iterations
         x, y = lu.solve(np.append(b, 0.0)), lu.adjoint_solve(np.append(c, 0.0))
+        # g A^-1 b and g A^-T c: the bordered matrix is regular where A is not, and right and left remove the border
         new_c, new_b = g * x[:-1] - x[-1] * right[:-1], g.conj() * y[:-1] - y[-1] * left[:-1]
         new_b, new_c = new_b / norm(new_b), new_c / norm(new_c)
         change = max(1.0 - abs(np.vdot(new_b, b)), 1.0 - abs(np.vdot(new_c, c)))

@@ -154,7 +154,7 @@ def of_branch_point(
     b, c, _ = borders_of(J)
     v, w, _ = null_vectors(J, b, c)
     z = Factors(bordered(J, b, c)).solve(np.append(evaluation.dR_dp, 0.0))[:n]
-    tangents = (np.append(v, 0.0), np.append(-z, 1.0))
+    tangents = (np.append(v, 0.0), np.append(-z, 1.0))  # they span the null space of [dR/dX, dR/dp]
     M = np.zeros((n + 2, n + 2))
     M[:n, :n], M[:n, n], M[:n, n + 1] = J, evaluation.dR_dp, b
     M[n:, : n + 1] = [_curvature_row(problem, X, parameters, parameter, w, t) for t in tangents]

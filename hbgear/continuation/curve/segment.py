@@ -222,7 +222,7 @@ class Segment:
         ndarray, shape (n + 1,) or (k, n + 1)
             Interpolated unknowns.
         """
-        (begin, end), square, r = self.slopes, s * s, 1.0 - s
+        (begin, end), square, r = self.slopes, s * s, 1.0 - s  # s = 0 and 1 give a.u and b.u exactly
         value = square * (3.0 - 2.0 * s)
         return (1.0 - value) * self.a.u + value * self.b.u + s * r * (r * begin - s * end)
 

@@ -80,6 +80,7 @@ class FoldEvent(Event):
             np.array([point.tangent for point in points]),
         )
         slope = tangents[:, -1] / norms(tangents / scale)
+        # dp/ds = begin + b s + c s^2: an extremum within (0, 1) towards zero from ends of equal sign
         begin, end, rise = slope[:-1] * length, slope[1:] * length, 6 * (p[1:] - p[:-1])
         b, c = rise - 4 * begin - 2 * end, 3 * (begin + end) - rise
         candidates = np.flatnonzero((begin * end > 0) & (begin * c > 0) & (begin * b < 0))

@@ -70,6 +70,7 @@ def deflated_newton(
             return None
         offsets = [(X - Y) / scale for Y in solutions]
         pull = -sum(2 * float(a @ step) / scale / (float(a @ a) * (1 + float(a @ a)) + 1e-300) for a in offsets)
+        # Newton step of M R: that of R, scaled by the derivative of log M along it; unscaled near the pole
         step = step / (1.0 - pull) if abs(1.0 - pull) > 1e-3 else step
         merit = _merit(evaluation.R, X, solutions, scale)
         for _ in range(10):

@@ -122,6 +122,7 @@ def solve_along(
             scale = np.append(np.full(len(X), size or np.inf), 1.0)
             t = t / np.linalg.norm(t / scale)
             n = t / scale**2 / np.linalg.norm(t / scale**2)
+            # points of the path only lead to its end, so that a loose tolerance is enough
             point = correct(path, u + h * t, n, "s", {"s": 0.0}, NewtonSettings(1e-6, 1e-2, 6)).solution
         except (NoConvergence, np.linalg.LinAlgError):
             h *= 0.5

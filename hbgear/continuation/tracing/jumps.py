@@ -90,6 +90,7 @@ def _departure(branch: Branch, stable: np.ndarray, fold: SpecialPoint, side: int
     marks = {p.index: p for p in branch.special if p.kind in STABILITY_CHANGING_KINDS}
     departure: SpecialPoint | None = None
     i = fold.index + side
+    # towards the last stable point before the fold; a loss of stability on the way is where the sweep leaves
     while 0 <= i < len(branch):
         mark = marks.get(i)
         if mark is not None and mark.kind == "LP":

@@ -267,6 +267,7 @@ class _Run:
             self._keep(running[future], pending, results)
             queue.extend(running.pop(future)[len(results) :])
             slowest = max(1e-6, *(result.seconds for result in results))
+            # groups of fast cases hide the time of their transfer; one slow case makes groups small again
             group_size = min(max(int(_GROUP_SECONDS / slowest), 1), _MAX_PENDING_GROUPS)
 
     def _finish(

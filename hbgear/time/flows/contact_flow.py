@@ -109,5 +109,6 @@ class ContactFlow:
                 state[i] = PUSHES if abs(force[i]) < self.k[i] * abs(depth[i]) else FREE
             sign = (state[i] == PUSHES) * 1.0 - (before == PUSHES)
             if FREE in (before, state[i]) and sign and Y.shape[1] > 1:
+                # the damper force jumps where the contact begins or ends with a velocity (saltation)
                 Y[:N, 1:] -= sign * self.c[i] * np.outer(flow.B[:, j], flow.D[j] @ Y[:N, 1:])
         return Y.ravel(), state

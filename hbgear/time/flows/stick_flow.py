@@ -167,6 +167,7 @@ class StickFlow:
                 state[i] = STICKS
             state = self._released(rates, t, Y, state)
             if Y.shape[1] > 1 and change:
+                # disturbances shift the instant of the event, between rates that differ (saltation)
                 jump = rates(state, t, Y)[0][:, 0] - dY[:, 0]
                 Y[:, 1:] += np.outer(jump, disturbance / change)
         return Y.ravel(), state

@@ -129,7 +129,7 @@ def _exit_of_element(c: Array, n: int, d: Array, v: Array, low: float, high: flo
             if part == 0:
                 if not v[i] * v[i + 1] < 0:
                     continue
-                x = (i + v[i] / (v[i] - v[i + 1])) / SAMPLES_PER_STEP
+                x = (i + v[i] / (v[i] - v[i + 1])) / SAMPLES_PER_STEP  # an extremum between samples, to first order
                 y = value(c, n, x)
             else:
                 x, y = (i + 1.0) / SAMPLES_PER_STEP, d[i + 1]
@@ -151,7 +151,7 @@ def _root(c: Array, n: int, level: float, a: float, b: float, fa: float, fb: flo
         f = value(c, n, x) - level
         if f * fb < 0:
             a, fa = b, fb
-        else:
+        else:  # the end a is kept twice: half its value, else it would be kept for ever
             fa *= 0.5
         change = abs(x - b)
         b, fb = x, f

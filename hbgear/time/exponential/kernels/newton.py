@@ -139,7 +139,7 @@ def fold(plan: Plan, method: Method, breakpoints: Breakpoints | None, cells: Tab
         for combination in range(out.shape[1]):
             for j in range(m):
                 segment[j] = combination // P**j % P
-            for u in range(size, -1, -1):
+            for u in range(size, -1, -1):  # the response to the loads first, which is subtracted from the others
                 for r in range(size):
                     zeta[r] = 1.0 if r == u else 0.0
                 predict(cells.observe[0], cells.drive[0], cell, zeta, free, y, w)

@@ -60,7 +60,7 @@ def is_periodic(
             remaining = np.inf
             if new <= 1e-14 * size[b]:
                 remaining = 0.0
-            elif new < old:
+            elif new < old:  # distances of a geometric decay: the sum of all that remain
                 remaining = new / (1.0 - (new / old) ** (k / window)) / size[b]
             if remaining < remaining_distance[b]:
                 remaining_distance[b], guess[b] = remaining, k
