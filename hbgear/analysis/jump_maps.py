@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
 from typing import Any
@@ -366,49 +366,90 @@ def jump_map(
     frequencies = (begin, end)
     if known is not None and (known.parameter, known.span, known.frequencies) != (parameter, (low, high), frequencies):
         raise ValueError("jump_map: known is a map of another parameter, span or range of Omega; give known=None")
-    folds = [(fold, _arms(problem, fold)) for fold in (known.folds if known is not None else ())]
-    curves = {curve.fixed[parameter]: curve for curve in (known.curves if known is not None else ())}
-    ending, value, gap, unconverged = Termination(advice=_ADVICE), low, "", list[str]()
+    search = _MapSearch(problem, parameter, (low, high), frequencies, steps, progress)
+    if known is not None:
+        search.folds = [(fold, _arms(problem, fold)) for fold in known.folds]
+        search.curves = {curve.fixed[parameter]: curve for curve in known.curves}
+    value, gap = low, ""
     try:
         for value in _seed_values(low, high, seeds):
-            report_progress(progress, f"response curve at {parameter} = {value:.5g}")
-            if value not in curves:
-                curves[value] = response_curve(problem, parameter, value, frequencies)
-            curve = curves[value]
-            for branch in curve.curves:
-                ending.merge(branch, f"the response curve at {parameter} = {value:.5g}")
-            for point in folds_of(curve):
-                if any(on_fold_curve(problem, fold, point, parameter) for fold, _ in folds):
-                    continue
-                fold_text = f"fold at Omega = {point.parameters['Omega']:.5g}"
-                report_progress(progress, f"{fold_text}, followed in {parameter}")
-                try:
-                    fold = _fold_curve(*fold_equations(problem, point), parameter, (low, high), steps)
-                except NoConvergence:
-                    unconverged.append(
-                        f"the {fold_text} at {parameter} = {value:.5g} is not in the map: its equations do not converge"
-                    )
-                    continue
-                folds += [(fold, _arms(problem, fold))]
-                ending.merge(fold, f"the curve of the {fold_text}")
-        infinite = [_to_infinity(fold) for fold, _ in folds if fold.unbounded_ends]
-        gap = "; ".join(
-            text for text in (_without_curve(parameter, curves, frequencies), *unconverged, *infinite) if text
-        )
+            search.follow_folds_at(value)
+        gap = search.gap()
     except (Exception, KeyboardInterrupt) as error:
-        if not folds and not (curves and isinstance(error, KeyboardInterrupt)):
+        if not search.folds and not (search.curves and isinstance(error, KeyboardInterrupt)):
             raise
-        ending.record_error(error, f"at the response curve at {parameter} = {value:.5g} or its folds")
-    message = "; ".join(text for text in (ending.message_with_advice, gap) if text)
+        search.ending.record_error(error, f"at the response curve at {parameter} = {value:.5g} or its folds")
+    message = "; ".join(text for text in (search.ending.message_with_advice, gap) if text)
     return JumpMap(
-        parameter, (low, high), tuple(fold for fold, _ in folds), tuple(arm for _, arms in folds for arm in arms),
-        dict(problem.model.labels), ending.status, message, tuple(curves.values()),
-        frequencies,
+        parameter, (low, high), tuple(fold for fold, _ in search.folds),
+        tuple(arm for _, arms in search.folds for arm in arms), dict(problem.model.labels), search.ending.status,
+        message, tuple(search.curves.values()), frequencies,
     )  # fmt: skip
 
 
 _ADVICE = "complete curves are kept; compute the others with hb.jump_map(..., known=this map)"
 """Recommended action for a map that is not complete."""
+
+
+@dataclass(eq=False)
+class _MapSearch:
+    """Response curves and fold curves of a jump map, found so far.
+
+    Attributes
+    ----------
+    problem, parameter, span, frequencies, steps, progress : object
+        See `jump_map`.
+    curves : dict of float to Branch
+        Response curves by value of the parameter.
+    folds : list of tuple of Branch and list of Arm
+        Fold curves with their arms.
+    ending : Termination
+        How the traces ended.
+    unconverged : list of str
+        Sentences on folds that are not in the map.
+    """
+
+    problem: HarmonicBalance
+    parameter: str
+    span: tuple[float, float]
+    frequencies: tuple[float, float]
+    steps: StepControl
+    progress: ProgressCallback | None
+    curves: dict[float, Branch] = field(default_factory=dict)
+    folds: list[tuple[Branch, list[Arm]]] = field(default_factory=list)
+    ending: Termination = field(default_factory=lambda: Termination(advice=_ADVICE))
+    unconverged: list[str] = field(default_factory=list)
+
+    def follow_folds_at(self, value: float) -> None:
+        """Trace the response curve at a value of the parameter, and follow its folds that are on no fold curve yet."""
+        report_progress(self.progress, f"response curve at {self.parameter} = {value:.5g}")
+        if value not in self.curves:
+            self.curves[value] = response_curve(self.problem, self.parameter, value, self.frequencies)
+        for branch in self.curves[value].curves:
+            self.ending.merge(branch, f"the response curve at {self.parameter} = {value:.5g}")
+        for point in folds_of(self.curves[value]):
+            if not any(on_fold_curve(self.problem, fold, point, self.parameter) for fold, _ in self.folds):
+                self._follow(point, value)
+
+    def _follow(self, point: Point, value: float) -> None:
+        """Follow a fold of the response curve at a value of the parameter through the span."""
+        text = f"fold at Omega = {point.parameters['Omega']:.5g}"
+        report_progress(self.progress, f"{text}, followed in {self.parameter}")
+        try:
+            fold = _fold_curve(*fold_equations(self.problem, point), self.parameter, self.span, self.steps)
+        except NoConvergence:
+            self.unconverged.append(
+                f"the {text} at {self.parameter} = {value:.5g} is not in the map: its equations do not converge"
+            )
+            return
+        self.folds.append((fold, _arms(self.problem, fold)))
+        self.ending.merge(fold, f"the curve of the {text}")
+
+    def gap(self) -> str:
+        """Return sentences on what is not in the map, or ""."""
+        infinite = [_to_infinity(fold) for fold, _ in self.folds if fold.unbounded_ends]
+        texts = _without_curve(self.parameter, self.curves, self.frequencies), *self.unconverged, *infinite
+        return "; ".join(filter(None, texts))
 
 
 def _asymptotes_of(curve: Branch) -> list[tuple[float, int]]:

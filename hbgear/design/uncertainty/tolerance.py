@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 
@@ -153,40 +153,49 @@ def jump_tolerance(
     xi = np.random.default_rng(seed).normal(size=(draws, len(names)))
     tolerances = []
     for number, jump in enumerate(branch.jumps()):
-        derivatives = sensitivity(jump.before, names)
-        physical = branch.parameter == "Omega" and PINION in derivatives.quantities
-        chosen = unit or (PINION if physical else branch.parameter)
-        if chosen not in (branch.parameter, *([MESH, PINION] if physical else [])):
-            raise ValueError(f"jump_tolerance: unit = {quoted(chosen)} is unknown for this curve; leave it out")
-        slopes = derivatives.slopes[derivatives.quantities.index(chosen)]
-        slope = derivatives.slopes[derivatives.quantities.index(branch.parameter)]
-        effects = dict(zip(names, (slopes * s).tolist(), strict=True))
-        frequencies: list[float] = []
-        lost = 0
-        solver = RelocatedPoint(jump.before, names)
-        refused = [solver.refused(s * row) for row in xi]
-        if any(refused):
-            reasons = ", ".join(sorted({*refused} - {""}))
-            text = f"{sum(map(bool, refused))} of {draws} draws are left out, because {reasons}"
-            warnings.warn(f"{text}; the others are a one-sided sample", stacklevel=3)
-        for i, row in enumerate(xi):
-            if refused[i]:
-                continue
+
+        def report(i: int, jump: Jump = jump, number: int = number) -> None:
             if progress is not None:
-                progress_fraction = (number + i / draws) / len(branch.jumps())
-                progress(Progress(progress_fraction, f"{jump.label}: {i} of {draws} draws"))
-            with np.errstate(all="ignore"):  # in draws without such a point
-                p, parameters = _jump_of(branch, jump, solver, dict(zip(names, s * row, strict=True)), slope)
-            if p is None:
-                lost += 1
-                continue
-            speeds = {} if chosen == branch.parameter else speeds_at(branch.problem.model, {**parameters, "Omega": p})
-            frequencies.append(speeds.get(chosen, p))
-        tolerances.append(JumpTolerance(
-            jump.label, jump.direction, derivatives.size(chosen), effects, float(np.linalg.norm(slopes * s)),
-            np.array(frequencies), lost, chosen,
-        ))  # fmt: skip
+                fraction = (number + i / draws) / len(branch.jumps())
+                progress(Progress(fraction, f"{jump.label}: {i} of {draws} draws"))
+
+        tolerances.append(_tolerance_of(branch, jump, names, s, xi, unit, report))
     return tuple(tolerances)
+
+
+def _tolerance_of(
+    branch: Branch, jump: Jump, names: tuple[str, ...], s: Array, xi: Array, unit: str | None,
+    report: Callable[[int], None],
+) -> JumpTolerance:  # fmt: skip
+    """Return the scatter of one jump for standard deviations s (A,) and standard normal draws xi (D, A)."""
+    derivatives = sensitivity(jump.before, names)
+    physical = branch.parameter == "Omega" and PINION in derivatives.quantities
+    chosen = unit or (PINION if physical else branch.parameter)
+    if chosen not in (branch.parameter, *([MESH, PINION] if physical else [])):
+        raise ValueError(f"jump_tolerance: unit = {quoted(chosen)} is unknown for this curve; leave it out")
+    slopes = derivatives.slopes[derivatives.quantities.index(chosen)]
+    slope = derivatives.slopes[derivatives.quantities.index(branch.parameter)]
+    solver = RelocatedPoint(jump.before, names)
+    refused = [solver.refused(s * row) for row in xi]
+    if any(refused):
+        reasons = ", ".join(sorted({*refused} - {""}))
+        text = f"{sum(map(bool, refused))} of {len(xi)} draws are left out, because {reasons}"
+        warnings.warn(f"{text}; the others are a one-sided sample", stacklevel=4)
+    frequencies: list[float] = []
+    lost = 0
+    for i in (i for i, reason in enumerate(refused) if not reason):
+        report(i)
+        with np.errstate(all="ignore"):  # in draws without such a point
+            p, parameters = _jump_of(branch, jump, solver, dict(zip(names, s * xi[i], strict=True)), slope)
+        if p is None:
+            lost += 1
+            continue
+        speeds = {} if chosen == branch.parameter else speeds_at(branch.problem.model, {**parameters, "Omega": p})
+        frequencies.append(speeds.get(chosen, p))
+    return JumpTolerance(
+        jump.label, jump.direction, derivatives.size(chosen), dict(zip(names, (slopes * s).tolist(), strict=True)),
+        float(np.linalg.norm(slopes * s)), np.array(frequencies), lost, chosen,
+    )  # fmt: skip
 
 
 def _jump_of(
