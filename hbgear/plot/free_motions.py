@@ -25,7 +25,7 @@ from hbgear.harmonic.autonomous.tori.layout import TorusLayout
 from hbgear.harmonic.equations.layout import axis_text
 from hbgear.harmonic.models.frequency_units import model_of, scales_at
 from hbgear.plot.branch_sections import sections
-from hbgear.plot.style import BRANCHES, COLOURS, LINES, add_legend, axes_or_new, dress, heighten, scaled_axes, styled
+from hbgear.plot.style import BRANCHES, COLOURS, LINES, add_legend, axes_or_new, dress, dress_with_speeds, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -105,9 +105,7 @@ def backbone(
             ax.set_ylabel(height.label(curve))
             ax.set_ylim(0, None)
             ax.margins(x=0.05)
-            dress(ax)
-            if scaled_axes(ax, abscissa.above):
-                heighten(ax)
+            dress_with_speeds(ax, abscissa.above)
         if (label and not is_new) or (stability and stability.changes):
             add_legend(ax)
     return ax
@@ -261,9 +259,7 @@ def torus(
             physical = height.header(tori) != measure
             ax.set_xlabel(abscissa.label)
             ax.set_ylabel(in_figure(axis_text(measure, f"{name} [um]" if physical else name)))
-            dress(ax)
-            if scaled_axes(ax, abscissa.above):
-                heighten(ax)
+            dress_with_speeds(ax, abscissa.above)
         if label:
             add_legend(ax)
     return ax

@@ -351,6 +351,21 @@ def dress(ax: Axes) -> None:
     ax.tick_params(which="minor", length=2)
 
 
+def dress_with_speeds(ax: Axes, units: dict[str, float]) -> None:
+    """Set the style of ticks and axis labels, and add axes of physical units above; the figure becomes higher for them.
+
+    Parameters
+    ----------
+    ax : Axes
+        Axes to style.
+    units : dict of str to float
+        Values of Omega = 1 in physical units, see `scaled_axes`; empty for no axes.
+    """
+    dress(ax)
+    if scaled_axes(ax, units):
+        heighten(ax)
+
+
 def gap_label(layout: Layout | None, element: int | str) -> str:
     """Return the symbol of the motion of an element, with the name of the element if there are several.
 

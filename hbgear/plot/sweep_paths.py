@@ -26,6 +26,7 @@ from hbgear.plot.style import (
     axes_or_new,
     current_font,
     dress,
+    dress_with_speeds,
     gap_label,
     heighten,
     scaled_axes,
@@ -105,9 +106,7 @@ def runs(
                 ends = [None if end is None else height.at(end, branch) for end in (jump.before, jump.after)]
                 _arrow(ax, abscissa.scale * jump.value, ends, RUNS[run.direction])
         name_axes(ax, branch, height.measure, element, dimensionless=dimensionless)
-        dress(ax)
-        if is_new and scaled_axes(ax, abscissa.above):
-            heighten(ax)
+        dress_with_speeds(ax, abscissa.above if is_new else {})
         if legend:
             add_legend(ax)
     return ax
@@ -190,9 +189,7 @@ def orders(
             title = level_title(branch, quantity, dimensionless)
             ax.set_ylabel(re.sub(r"re 1 u(?=[mN])", "re 1 \N{MICRO SIGN}", title))
 
-        dress(ax)
-        if is_new and scaled_axes(ax, abscissa.above):
-            heighten(ax)
+        dress_with_speeds(ax, abscissa.above if is_new else {})
         if legend:
             add_legend(ax)
     return ax

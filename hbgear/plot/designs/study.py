@@ -20,7 +20,7 @@ from hbgear.design.studies.sweep_statistics import SweepResponses, sweep_respons
 from hbgear.harmonic.equations.layout import axis_text, motion_text
 from hbgear.harmonic.models.frequency_units import MESH, PINION
 from hbgear.plot.branch_sections import HEADROOM
-from hbgear.plot.style import COLOURS, axes_or_new, dress, heighten, new_figure, scaled_axes, styled
+from hbgear.plot.style import COLOURS, axes_or_new, dress, dress_with_speeds, heighten, new_figure, scaled_axes, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -327,9 +327,7 @@ def jump_distribution(found: Cases, ax: Axes | None = None, *, bins: int = 30, d
         ax.locator_params(axis="y", integer=True)
         ax.set_xlabel(f"jump, {abscissa.label}")
         ax.set_ylabel("cases")
-        dress(ax)
-        if is_new and scaled_axes(ax, abscissa.above):
-            heighten(ax)
+        dress_with_speeds(ax, abscissa.above if is_new else {})
     return ax
 
 

@@ -10,7 +10,7 @@ from hbgear.analysis.campbell_diagram import Campbell, whirl_word
 from hbgear.analysis.quantities.axis_quantities import OmegaAxis
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
-from hbgear.plot.style import BRANCHES, COLOURS, GREY, axes_or_new, dress, heighten, scaled_axes, styled
+from hbgear.plot.style import BRANCHES, COLOURS, GREY, axes_or_new, dress_with_speeds, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -72,9 +72,7 @@ def campbell(found: Campbell, ax: Axes | None = None, *, legend: bool = True, di
             "natural frequency [Hz]" if abscissa.is_speed else r"natural frequency $\omega$ (unit of $\Omega$)"
         )
         ax.grid(color=GREY, linewidth=0.3, alpha=0.5)
-        dress(ax)
-        if is_new and scaled_axes(ax, abscissa.above):
-            heighten(ax)
+        dress_with_speeds(ax, abscissa.above if is_new else {})
         if legend:
             ax.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.2)
     return ax

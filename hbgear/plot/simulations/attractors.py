@@ -17,7 +17,7 @@ from hbgear.mechanics.models import Model
 from hbgear.mechanics.series.fourier import evaluate
 from hbgear.plot.branch_sections import sections
 from hbgear.plot.curves import response
-from hbgear.plot.style import GREY, add_legend, axes_or_new, dress, heighten, scaled_axes, styled
+from hbgear.plot.style import GREY, add_legend, axes_or_new, dress_with_speeds, styled
 from hbgear.time.attractors.bifurcation_diagram import BifurcationDiagram
 from hbgear.time.attractors.verdicts import Verdict
 from hbgear.time.frequency_sweep import Sweep
@@ -129,9 +129,7 @@ def bifurcation_diagram(
         section = f"{'rate of ' if rate else ''}{name} at " + r"$\tau = 0$" + motion.removeprefix(name)
         ax.set_ylabel(in_figure(axis_text(measure, motion) if measure else section))
         ax.margins(y=0.08)  # space for labels
-        dress(ax)
-        if is_new and scaled_axes(ax, abscissa.above):
-            heighten(ax)
+        dress_with_speeds(ax, abscissa.above if is_new else {})
         if legend:
             add_legend(ax)
     return ax

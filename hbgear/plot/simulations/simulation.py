@@ -25,7 +25,17 @@ from hbgear.harmonic.equations.layout import axis_text, motion_text
 from hbgear.harmonic.models.frequency_units import length_scale, model_of, scales
 from hbgear.mechanics.models import Model
 from hbgear.plot.curves import response
-from hbgear.plot.style import COLOURS, GREY, add_legend, axes_or_new, dress, heighten, new_figure, scaled_axes, styled
+from hbgear.plot.style import (
+    COLOURS,
+    GREY,
+    add_legend,
+    axes_or_new,
+    dress,
+    dress_with_speeds,
+    new_figure,
+    scaled_axes,
+    styled,
+)
 from hbgear.time.basins_of_attraction import Basins
 from hbgear.time.frequency_sweep import Sweep
 from hbgear.time.validation.report import Report
@@ -134,9 +144,7 @@ def sweeps(
             ax.set_xlabel(abscissa.label)
             motion = _name(found[0], element)
             ax.set_ylabel(in_figure(axis_text(measure, motion if length is None else in_micrometres(motion))))
-        dress(ax)
-        if is_new and scaled_axes(ax, abscissa.above):
-            heighten(ax)
+        dress_with_speeds(ax, abscissa.above if is_new else {})
         if legend:
             add_legend(ax)
             old: Any = ax.get_legend()
@@ -230,9 +238,7 @@ def bifurcation(
         if units is not None:
             label = in_metres_per_second(label) if rate else in_figure(in_micrometres(label))
         ax.set_ylabel(f"{'rate of ' if rate else ''}{label} at " + r"$\tau = 0$")
-        dress(ax)
-        if is_new and scaled_axes(ax, abscissa.above):
-            heighten(ax)
+        dress_with_speeds(ax, abscissa.above if is_new else {})
         if len(found) > 1:
             ax.legend(loc="best", markerscale=3)
     return ax
