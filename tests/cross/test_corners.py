@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import hbgear as hb
+from hbgear.harmonic.equations.thresholds import grazing_distance
 from hbgear.mechanics.series.fourier import harmonics_of, to_complex
 from hbgear.time.integration import state_of
 
@@ -91,7 +92,7 @@ def test_reach_is_that_of_the_whole_gap(law, e):
         low, high = problem.clearance(X, Omega=1.0)[:2] + law.breakpoints[0]
         assert low == pytest.approx(d.min(), abs=1e-5) and high == pytest.approx(d.max(), abs=1e-5)
         for which, value in enumerate((low, high)):
-            place = problem.grazing_distance(X, which, Omega=1.0)[1]
+            place = grazing_distance(compiled, X, which)[1]
             assert compiled.gap(0, X, np.array([place]))[0] == pytest.approx(value, abs=1e-12)
         count = sum(np.count_nonzero(np.diff(d > corner)) for corner in law.breakpoints)
         assert abs(len(compiled.crossings(X).theta) - count) <= 1  # one may lie at the ends

@@ -125,7 +125,7 @@ def test_derivative_of_the_margin(make, offset):
         X = random.normal(size=problem.size) * 0.3
         X.reshape(problem.m, -1)[0, 0] -= offset
         for which in range(len(problem.slider_names)):
-            value, rows = problem.slip_threshold(X, which, Omega=1.1)
+            value, rows = problem.threshold("slip", X, which, Omega=1.1)
             assert value == pytest.approx(problem.slip_margins(X, Omega=1.1)[which], abs=1e-14)
             for i in range(problem.size):
                 step = 1e-6 * np.eye(problem.size)[i]

@@ -285,52 +285,20 @@ class BackboneProblem(ContinuationProblem):
 
     def events(self, parameter: str) -> tuple[Event, ...]:
         """Return grazing contacts, and first slips of friction sliders."""
-        slips = (SlipEvent(),) if self.slider_names else ()
+        slips = (SlipEvent(),) if self.balance.slider_names else ()
         return GrazingEvent(), *slips
 
-    @property
-    def slider_names(self) -> tuple[str, ...]:
-        """Names of the friction sliders."""
-        return self.balance.slider_names
+    def threshold_distances(self, kind: str, X: Array, **parameters: float) -> Array:
+        """Return the distances of the motion from its thresholds, see `HarmonicBalance.threshold_distances`."""
+        return self.balance.threshold_distances(kind, X[:-2], **self._balance_parameters(X, parameters))
 
-    @property
-    def clearance_names(self) -> tuple[str, ...]:
-        """Meaning of each entry of `clearance`."""
-        return self.balance.clearance_names
+    def threshold(self, kind: str, X: Array, which: int, **parameters: float) -> tuple[float, Array]:
+        """Return one distance and its derivative in the motion, see `HarmonicBalance.threshold`."""
+        return self.balance.threshold(kind, X[:-2], which, **self._balance_parameters(X, parameters))
 
-    @property
-    def edge_names(self) -> tuple[str, ...]:
-        """Meaning of each entry of `edge_extremes`."""
-        return self.balance.edge_names
-
-    def slip_margins(self, X: Array, **parameters: float) -> Array:
-        """Return the margins of the friction sliders, see `HarmonicBalance.slip_margins`."""
-        return self.balance.slip_margins(self.split(X)[0], **self._balance_parameters(X, parameters))
-
-    def slip_threshold(self, X: Array, index: int, **parameters: float) -> tuple[float, Array]:
-        """Return a margin of a slider and its derivative, see `HarmonicBalance.slip_threshold`."""
-        return self.balance.slip_threshold(self.split(X)[0], index, **self._balance_parameters(X, parameters))
-
-    def clearance(self, X: Array, **parameters: float) -> Array:
-        """Return the distances of extrema from breakpoints, see `HarmonicBalance.clearance`."""
-        return self.balance.clearance(self.split(X)[0], **self._balance_parameters(X, parameters))
-
-    @property
-    def clearance_elements(self) -> tuple[int, ...]:
-        """Element to which each entry of `clearance` belongs."""
-        return self.balance.clearance_elements
-
-    def grazing_distance(self, X: Array, index: int, **parameters: float) -> tuple[float, float]:
-        """Return one entry of `clearance`, and the phase at which its extremum lies."""
-        return self.balance.grazing_distance(self.split(X)[0], index, **self._balance_parameters(X, parameters))
-
-    def edge_extremes(self, X: Array, **parameters: float) -> Array:
-        """Return the extrema of the edges of vector laws, see `HarmonicBalance.edge_extremes`."""
-        return self.balance.edge_extremes(self.split(X)[0], **self._balance_parameters(X, parameters))
-
-    def edge_threshold(self, X: Array, index: int, **parameters: float) -> tuple[float, Array]:
-        """Return an extremum of an edge and its derivative, see `HarmonicBalance.edge_threshold`."""
-        return self.balance.edge_threshold(self.split(X)[0], index, **self._balance_parameters(X, parameters))
+    def threshold_names(self, kind: str) -> tuple[str, ...]:
+        """Return the meaning of each entry of `threshold_distances`."""
+        return self.balance.threshold_names(kind)
 
     def _balance_parameters(self, X: Array, parameters: Mapping[str, float]) -> dict[str, float]:
         """Return the parameters of the balance at a solution."""

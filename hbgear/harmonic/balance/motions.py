@@ -24,9 +24,10 @@ from hbgear.harmonic.balance.postprocess import postprocess
 from hbgear.harmonic.bifurcations.codimension_two import events_of_codimension_two
 from hbgear.harmonic.bifurcations.events import motion_events
 from hbgear.harmonic.bifurcations.no_contact import FirstContact
-from hbgear.harmonic.equations import motion, thresholds
+from hbgear.harmonic.equations import motion
 from hbgear.harmonic.equations.evaluator import Crossings
 from hbgear.harmonic.equations.layout import Layout
+from hbgear.harmonic.equations.thresholds import THRESHOLDS
 from hbgear.harmonic.multipliers.floquet import check_modes, floquet_multipliers
 from hbgear.harmonic.stability.verification import verify_multipliers
 from hbgear.harmonic.structure.measured import MeasuredStructure
@@ -111,38 +112,32 @@ class PeriodicMotions(HarmonicEquations):
 
         Order: for each element and each of its breakpoints, lowest value and highest value minus breakpoint.
         """
-        return motion.clearance(self.compiled(parameters), X)
-
-    def grazing_distance(self, X: Array, which: int, **parameters: float) -> tuple[float, float]:
-        """Return one entry of `clearance`, and the phase at which its extremum lies."""
-        return motion.grazing_distance(self.compiled(parameters), X, which)
+        return self.threshold_distances("clearance", X, **parameters)
 
     @checked_arguments()
     def slip_margins(self, X: Array, **parameters: float) -> Array:
         """Return, for each friction slider, the range of its displacement minus 2 limit / k: positive if it slips."""
-        X = self._checked_unknowns(X, parameters)
-        margins: Array = thresholds.slip_margins(self.compiled(parameters), X[None])[0]
-        return margins
-
-    def slip_threshold(self, X: Array, which: int, **parameters: float) -> tuple[float, Array]:
-        """Return one entry of `slip_margins`, and its derivative in the motion, rows (m, 2K - 1)."""
-        return thresholds.slip_threshold(self.compiled(parameters), X, which)
+        return self.threshold_distances("slip", X, **parameters)
 
     @checked_arguments()
     def edge_extremes(self, X: Array, **parameters: float) -> Array:
         """Return the lowest and highest values of the edges of vector laws: zero where contact grazes."""
-        X = self._checked_unknowns(X, parameters)
-        extremes: Array = thresholds.edge_extremes(self.compiled(parameters), X[None])[0]
-        return extremes
+        return self.threshold_distances("edge", X, **parameters)
 
-    def edge_threshold(self, X: Array, which: int, **parameters: float) -> tuple[float, Array]:
-        """Return one entry of `edge_extremes`, and its derivative in the motion, rows (m, 2K - 1)."""
-        return thresholds.edge_threshold(self.compiled(parameters), X, which)
+    def threshold_distances(self, kind: str, X: Array, **parameters: float) -> Array:
+        """Return the distances of a motion from its thresholds of a kind: "clearance", "slip" or "edge"."""
+        if "Omega" in parameters:  # clearances do not depend on it
+            X = self._checked_unknowns(X, parameters)
+        distances: Array = THRESHOLDS[kind].distances(self.compiled(parameters), X[None])[0]
+        return distances
 
-    @property
-    def edge_names(self) -> tuple[str, ...]:
-        """Meaning of each entry of `edge_extremes`."""
-        return thresholds.edge_names(self.compiled({}))
+    def threshold(self, kind: str, X: Array, which: int, **parameters: float) -> tuple[float, Array]:
+        """Return one entry of `threshold_distances`, and its derivative in the motion, rows (m, 2K - 1)."""
+        return THRESHOLDS[kind].at(self.compiled(parameters), X, which)
+
+    def threshold_names(self, kind: str) -> tuple[str, ...]:
+        """Return the meaning of each entry of `threshold_distances`."""
+        return THRESHOLDS[kind].names(self.compiled({}))
 
     @checked_arguments()
     def slider_positions(self, X: Array, theta: float = 0.0, **parameters: float) -> Array:
@@ -152,19 +147,18 @@ class PeriodicMotions(HarmonicEquations):
 
     @property
     def slider_names(self) -> tuple[str, ...]:
-        """Names of the friction sliders: those of their elements, numbered if an element has several."""
-        elements = [(e.name, len(e.law.sliders)) for e in self.compiled({}).system.elements]
-        return tuple(f"{name}[{i}]" if count > 1 else name for name, count in elements for i in range(count))
+        """Meaning of each entry of `slip_margins`: the names of the sliders."""
+        return self.threshold_names("slip")
 
     @property
     def clearance_names(self) -> tuple[str, ...]:
         """Meaning of each entry of `clearance`."""
-        return motion.clearance_names(self.compiled({}))
+        return self.threshold_names("clearance")
 
     @property
     def clearance_elements(self) -> tuple[int, ...]:
         """Element to which each entry of `clearance` belongs."""
-        return motion.clearance_elements(self.compiled({}))
+        return tuple(j for j in self.compiled({}).element.tolist() for _ in range(2))
 
     def force_rows(self, X: Array, **parameters: float) -> Array:
         """Return the law force of each element, without its damper, as real rows (m, 2H + 1)."""

@@ -15,7 +15,6 @@ from hbgear.continuation.events.event import LocatedEvent, singular
 from hbgear.continuation.problem.evaluation import Locating
 from hbgear.continuation.solvers.newton import NoConvergence
 from hbgear.harmonic.bifurcations.threshold import ThresholdEvent, ThresholdProblem
-from hbgear.harmonic.equations.thresholds import basis_values
 
 
 class GrazingProblem(ThresholdProblem):  # numpydoc ignore=PR02
@@ -47,23 +46,10 @@ class GrazingProblem(ThresholdProblem):  # numpydoc ignore=PR02
 
     quantity = "clearance"
 
-    @staticmethod
-    def names(problem: Any) -> tuple[str, ...]:
-        """Return the extrema and breakpoints in words."""
-        out: tuple[str, ...] = problem.clearance_names
-        return out
-
     def compiled(self, parameters: Mapping[str, float]) -> Locating | None:
         """Return the compiled locator of these equations; see `MinimallyAugmentedProblem.compiled`."""
         out: Locating | None = self.problem.compiled_locator(self.parameter, parameters, self.which)
         return out
-
-    def threshold(self, X: Array, number: int, parameters: Mapping[str, float]) -> tuple[float, Array]:
-        """Return the distance of an extremum from a breakpoint and its derivative; see `ThresholdProblem.threshold`."""
-        g, theta = self.problem.grazing_distance(X, number, **parameters)
-        rows = np.zeros((self.problem.m, 2 * len(self.problem.orders) - 1))
-        rows[self.problem.clearance_elements[number]] = basis_values(theta, self.problem.orders)
-        return g, rows
 
     def following(self, rows: Array, slope: Array) -> Array:
         """Return the constant and the scale of the element that grazes; see `ThresholdProblem.following`.
@@ -76,11 +62,6 @@ class GrazingProblem(ThresholdProblem):  # numpydoc ignore=PR02
         out[1, grazing] = rows[grazing]
         return out
 
-    def distances(self, X: Array, parameters: Mapping[str, float]) -> Array:
-        """Return the distances of all extrema from the breakpoints."""
-        out: Array = self.problem.clearance(X, **parameters)
-        return out
-
 
 class EdgeProblem(ThresholdProblem):
     """Grazing contacts (GR) of a vector law, such as a radial clearance: an extremum of an edge function is zero.
@@ -89,22 +70,6 @@ class EdgeProblem(ThresholdProblem):
     """
 
     quantity = "edge"
-
-    @staticmethod
-    def names(problem: Any) -> tuple[str, ...]:
-        """Return the extrema and edges in words."""
-        out: tuple[str, ...] = problem.edge_names
-        return out
-
-    def threshold(self, X: Array, number: int, parameters: Mapping[str, float]) -> tuple[float, Array]:
-        """Return an extremum of an edge function and its derivative; see `ThresholdProblem.threshold`."""
-        out: tuple[float, Array] = self.problem.edge_threshold(X, number, **parameters)
-        return out
-
-    def distances(self, X: Array, parameters: Mapping[str, float]) -> Array:
-        """Return the extrema of all edge functions."""
-        out: Array = self.problem.edge_extremes(X, **parameters)
-        return out
 
 
 MAX_CONTACT_EXTRAPOLATION = 4.0
@@ -153,4 +118,5 @@ class GrazingEvent(ThresholdEvent):
         s = segment.fraction_of(u)
         is_far = np.linalg.norm((u - segment.b.u) / segment.scale) > 2 * MAX_CONTACT_EXTRAPOLATION * segment.length
         point = replace(singular(segment, u, segment.b), parameter_direction=segment.b.parameter_direction)
-        return None if is_far or s <= 1 else LocatedEvent(self, s, point, True, problem.clearance_names[nearest])
+        note = problem.threshold_names("clearance")[nearest]
+        return None if is_far or s <= 1 else LocatedEvent(self, s, point, True, note)

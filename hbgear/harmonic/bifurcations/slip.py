@@ -8,10 +8,6 @@ A slider that never slips allows the displacement of its element this range. See
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
-from hbgear.common.arrays import Array
 from hbgear.continuation.curve.segment import Segment
 from hbgear.continuation.events.event import LocatedEvent
 from hbgear.harmonic.bifurcations.threshold import ThresholdEvent, ThresholdProblem
@@ -33,22 +29,6 @@ class SlipProblem(ThresholdProblem):
     """
 
     quantity = "slip"
-
-    @staticmethod
-    def names(problem: Any) -> tuple[str, ...]:
-        """Return the names of the sliders."""
-        out: tuple[str, ...] = problem.slider_names
-        return out
-
-    def threshold(self, X: Array, number: int, parameters: Mapping[str, float]) -> tuple[float, Array]:
-        """Return the margin of a slider and its derivative; see `ThresholdProblem.threshold`."""
-        out: tuple[float, Array] = self.problem.slip_threshold(X, number, **parameters)
-        return out
-
-    def distances(self, X: Array, parameters: Mapping[str, float]) -> Array:
-        """Return the margins of all sliders."""
-        out: Array = self.problem.slip_margins(X, **parameters)
-        return out
 
 
 class SlipEvent(ThresholdEvent):

@@ -9,7 +9,6 @@ taken with a motion that stays at the threshold.
 
 from __future__ import annotations
 
-from abc import abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from typing import Any, ClassVar
@@ -72,18 +71,15 @@ class ThresholdProblem(MinimallyAugmentedProblem):
         """True if the curve has corners: where a motion reaches another threshold too."""
         return bool(self.problem.is_nonsmooth)
 
-    @staticmethod
-    @abstractmethod
-    def names(problem: Any) -> tuple[str, ...]:
-        """Return the meaning of each threshold of a problem in words."""
-
-    @abstractmethod
     def threshold(self, X: Array, number: int, parameters: Mapping[str, float]) -> tuple[float, Array]:
         """Return the distance g of a motion from a threshold, and its derivative in the elements, rows (m, 2K - 1)."""
+        out: tuple[float, Array] = self.problem.threshold(self.quantity, X, number, **parameters)
+        return out
 
-    @abstractmethod
     def distances(self, X: Array, parameters: Mapping[str, float]) -> Array:
         """Return the distances of a motion from all thresholds."""
+        out: Array = self.problem.threshold_distances(self.quantity, X, **parameters)
+        return out
 
     def following(self, rows: Array, slope: Array) -> Array:
         """Return changes of a motion by which it can follow its thresholds, rows (D, m, 2K - 1); by default its scale.
@@ -221,7 +217,8 @@ class ThresholdEvent(Event):
 
     def _located(self, segment: Segment, equations: ThresholdProblem, s: float) -> LocatedEvent:
         """Locate a threshold by Newton's method from a fraction s of a segment, or else as a bracketed root."""
-        note = equations.names(segment.problem)[equations.which]
+        problem: Any = segment.problem
+        note = problem.threshold_names(equations.quantity)[equations.which]
 
         def test(point: CurvePoint) -> float:
             distances = point.observed.get(equations.quantity)
@@ -249,7 +246,7 @@ class ThresholdEvent(Event):
     def equations(self, problem: Any, parameter: str, point: Any) -> MinimallyAugmentedProblem | None:
         first = point.note.split(", ")[0]
         for kind in self.problems:
-            names = kind.names(problem)
+            names = problem.threshold_names(kind.quantity)
             if first in names:
                 return kind(problem, parameter, names.index(first))
         return None

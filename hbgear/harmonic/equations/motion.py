@@ -119,34 +119,6 @@ def slider_positions(evaluator: Evaluator, X: Array, theta: float) -> Array:
     return out
 
 
-def clearance(evaluator: Evaluator, X: Array) -> Array:
-    """Return the signed distances (2 K,) of the extrema of the elements from the K breakpoints of their laws."""
-    clearance: Array = evaluator.extrema_and_regime(X[None])[0][0]
-    return clearance
-
-
-def grazing_distance(evaluator: Evaluator, X: Array, index: int) -> tuple[float, float]:
-    """Return entry ``index`` of `clearance` and the phase of the basis at which its extremum lies."""
-    breakpoint_, sign = index // 2, 1 if index % 2 else -1
-    element = int(evaluator.element[breakpoint_])
-    displacement = int(evaluator.displacement[breakpoint_])
-    value, theta = evaluator.highest(displacement, _rows(evaluator, X)[element], float(sign))
-    return float(sign * value - evaluator.breakpoints[breakpoint_]), theta
-
-
-def clearance_names(evaluator: Evaluator) -> tuple[str, ...]:
-    """Return the meaning of each entry of `clearance` in words."""
-    return tuple(
-        f"{end} of {e.name} at {x:g}"
-        for e in evaluator.system.elements for x in e.law.breakpoints for end in ("lowest", "highest")
-    )  # fmt: skip
-
-
-def clearance_elements(evaluator: Evaluator) -> tuple[int, ...]:
-    """Return the element to which each entry of `clearance` belongs."""
-    return tuple(j for j, law in enumerate(evaluator.laws) for _ in law.breakpoints for _ in range(2))
-
-
 def shortest_intervals(evaluator: Evaluator, X: Array) -> Array:
     """Return the shortest intervals (P,) of the basis phase between two switching times of motions X (P, n).
 

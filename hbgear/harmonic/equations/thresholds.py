@@ -1,9 +1,10 @@
-"""Thresholds of periodic motions: where friction sliders begin to slip, and where edges of vector laws are reached.
+"""Thresholds of periodic motions: grazing contacts, first slips of friction, and edges of vector laws.
 
-The distance from the nearest of them, or from a grazing contact, limits the steps of differences of dR/dX.
+    clearance    min d - breakpoint, max d - breakpoint         of different signs if the motion crosses the breakpoint
+    slip         max (d - limit / k) - min (d + limit / k)      positive if the slider slips
+    edge         min edge(d), max edge(d)                       of different signs if the motion crosses the edge
 
-    slider    max (d - limit / k) - min (d + limit / k)      positive if it slips
-    edge      min edge(d), max edge(d)                       of different signs if the motion crosses the edge
+`THRESHOLDS` lists these kinds. The distance from the nearest threshold limits the steps of differences of dR/dX.
 
 At its extremum a function of the phase has no slope, so the derivative of an extremum in the coefficients of the motion
 is that of the function at a fixed phase. Where the normal force of a slider opens or closes, the extremum may lie at
@@ -15,6 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -41,6 +43,38 @@ LEVEL_TOLERANCE = 1e-9
 
 PHASE_STEP = 1e-9
 """Distance from a breakpoint [rad] at which the stiffness on both of its sides is evaluated."""
+
+
+# ---- breakpoints
+
+
+def clearances(evaluator: Evaluator, X: Array) -> Array:
+    """Return the distances (P, 2 K) of the extrema of the elements from the K breakpoints in motions X (P, n)."""
+    return evaluator.extrema_and_regime(X)[0]
+
+
+def grazing_distance(evaluator: Evaluator, X: Array, index: int) -> tuple[float, float]:
+    """Return entry ``index`` of `clearances` of a motion X (n,), and the basis phase of its extremum."""
+    breakpoint_, sign = index // 2, 1 if index % 2 else -1
+    row = evaluator.spread(X).reshape(evaluator.m, -1)[evaluator.element[breakpoint_]]
+    value, theta = evaluator.highest(int(evaluator.displacement[breakpoint_]), row, float(sign))
+    return float(sign * value - evaluator.breakpoints[breakpoint_]), theta
+
+
+def grazing_threshold(evaluator: Evaluator, X: Array, index: int) -> tuple[float, Array]:
+    """Return entry ``index`` of `clearances` of a motion X (n,) and its derivative, rows (m, 2K - 1)."""
+    g, theta = grazing_distance(evaluator, X, index)
+    derivative = np.zeros((evaluator.m, 2 * len(evaluator.orders) - 1))
+    derivative[evaluator.element[index // 2]] = basis_values(theta, evaluator.orders)
+    return g, derivative
+
+
+def clearance_names(evaluator: Evaluator) -> tuple[str, ...]:
+    """Return the meaning of each entry of `clearances` in words."""
+    return tuple(
+        f"{end} of {e.name} at {x:g}"
+        for e in evaluator.system.elements for x in e.law.breakpoints for end in ("lowest", "highest")
+    )  # fmt: skip
 
 
 # ---- friction sliders
@@ -83,6 +117,12 @@ def _add_bound(derivative: Array, evaluator: Evaluator, rows: Array, index: int,
     derivative[n] -= gain * basis
     if np.abs(level - d_n).min() <= LEVEL_TOLERANCE * float(np.abs(rows[n]).max()):
         derivative[n] -= (side * slope - gain * slope_n) / slope_n * basis
+
+
+def slider_names(evaluator: Evaluator) -> tuple[str, ...]:
+    """Return the names of the friction sliders: those of their elements, numbered if an element has several."""
+    elements = [(e.name, len(e.law.sliders)) for e in evaluator.system.elements]
+    return tuple(f"{name}[{i}]" if count > 1 else name for name, count in elements for i in range(count))
 
 
 def basis_values(theta: float, orders: np.ndarray) -> Array:
@@ -152,6 +192,35 @@ def edge_names(evaluator: Evaluator) -> tuple[str, ...]:
         f"{end} of {elements[rows[0]].name.removesuffix(' 1')}" + (f" at edge {edge + 1}" if count > 1 else "")
         for rows, _, count in edged_laws(evaluator) for edge in range(count) for end in ("lowest", "highest")
     )  # fmt: skip
+
+
+# ---- all kinds
+
+
+class ThresholdKind(NamedTuple):
+    """Kind of threshold.
+
+    Attributes
+    ----------
+    names : callable
+        Meaning of each threshold of an evaluator in words.
+    distances : callable
+        Distances (P, T) of motions X (P, n) from the T thresholds.
+    at : callable
+        Distance of a motion X (n,) from the threshold of a number, and its derivative, rows (m, 2K - 1).
+    """
+
+    names: Callable[[Evaluator], tuple[str, ...]]
+    distances: Callable[[Evaluator, Array], Array]
+    at: Callable[[Evaluator, Array, int], tuple[float, Array]]
+
+
+THRESHOLDS = {
+    "clearance": ThresholdKind(clearance_names, clearances, grazing_threshold),
+    "slip": ThresholdKind(slider_names, slip_margins, slip_threshold),
+    "edge": ThresholdKind(edge_names, edge_extremes, edge_threshold),
+}
+"""Kinds of thresholds by the name of their distances among the quantities observed at points."""
 
 
 # ---- distance from all thresholds
