@@ -15,7 +15,7 @@ from hbgear.continuation.augmented.branch_point import BranchPointProblem
 from hbgear.continuation.augmented.minimally_augmented import MinimallyAugmentedProblem
 from hbgear.continuation.augmented.special_point_problem import SpecialPointProblem
 from hbgear.continuation.curve.segment import BranchStart, CurvePoint, Segment
-from hbgear.continuation.events.event import Event, LocatedEvent, locate_root, singular
+from hbgear.continuation.events.event import BuiltInEvent, LocatedEvent, locate_root, singular
 from hbgear.continuation.numerics.linear import as_dense, bordered, slogdet
 from hbgear.continuation.problem.adapter import as_problem
 from hbgear.continuation.problem.base import ContinuationProblem, linearise
@@ -24,18 +24,10 @@ from hbgear.continuation.results.point import SpecialPoint
 from hbgear.continuation.solvers.newton import NoConvergence
 
 
-class BranchPointEvent(Event):
+class BranchPointEvent(BuiltInEvent):
     """Branch point: two curves cross, and the determinant of [dR/dX dR/dp; t^T] changes sign."""
 
     kind, meaning, marker = "BP", "branch point: two curves cross", "P"
-
-    def __init__(self) -> None:
-        pass
-
-    def values(
-        self, points: Sequence[CurvePoint], problem: ContinuationProblem, name: str, fixed: dict[str, float]
-    ) -> Array:
-        return np.zeros((len(points), 0))
 
     def sign_changes(self, points: Sequence[CurvePoint], values: Array) -> np.ndarray:
         orientation = np.array([point.orientation for point in points])

@@ -399,6 +399,24 @@ class Event:
         return Status.EVENT, f"{self.meaning} at {name} = {value:.6g}"
 
 
+class BuiltInEvent(Event):
+    """Event whose kind, meaning and marker are those of its class, without a function of the user.
+
+    By default it has no test function and no equations.
+    """
+
+    def __init__(self) -> None:
+        """Keep the kind, the meaning and the marker of the class."""
+
+    def values(
+        self, points: Sequence[CurvePoint], problem: ContinuationProblem, name: str, fixed: dict[str, float]
+    ) -> Array:
+        return np.zeros((len(points), 0))
+
+    def equations(self, problem: Any, parameter: str, point: Any) -> MinimallyAugmentedProblem | None:
+        return None
+
+
 MARKERS = ".,ov^<>12348spP*hH+xXdD|_"
 """Markers of matplotlib that have one character."""
 

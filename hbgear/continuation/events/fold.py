@@ -14,7 +14,7 @@ from hbgear.continuation.augmented.fold import FoldProblem
 from hbgear.continuation.augmented.minimally_augmented import MinimallyAugmentedProblem
 from hbgear.continuation.curve.segment import CurvePoint, Segment
 from hbgear.continuation.events.columns import lengths, unknowns
-from hbgear.continuation.events.event import Event, LocatedEvent, locate_by_newton, locate_root
+from hbgear.continuation.events.event import BuiltInEvent, LocatedEvent, locate_by_newton, locate_root
 from hbgear.continuation.events.near_tangency import NEAR_ZERO_RATIO
 from hbgear.continuation.numerics.linear import norm, norms
 from hbgear.continuation.problem.adapter import as_problem
@@ -51,18 +51,10 @@ def equations_of_fold(
     return FoldProblem(problem.original, parameter)
 
 
-class FoldEvent(Event):
+class FoldEvent(BuiltInEvent):
     """Fold: the parameter direction of the curve changes."""
 
     kind, meaning, marker = "LP", "fold: the curve turns back", "o"
-
-    def __init__(self) -> None:
-        pass
-
-    def values(
-        self, points: Sequence[CurvePoint], problem: ContinuationProblem, name: str, fixed: dict[str, float]
-    ) -> Array:
-        return np.zeros((len(points), 0))
 
     def sign_changes(self, points: Sequence[CurvePoint], values: Array) -> np.ndarray:
         direction = np.array([point.parameter_direction for point in points])

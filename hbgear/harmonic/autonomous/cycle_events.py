@@ -10,23 +10,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
-from typing import Any, NoReturn
+from typing import NoReturn
 
 import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
-from hbgear.continuation.augmented.minimally_augmented import MinimallyAugmentedProblem
 from hbgear.continuation.curve.segment import CurvePoint, Segment
-from hbgear.continuation.events.event import Event, LocatedEvent, RefinedLocation, locate_root
+from hbgear.continuation.events.event import BuiltInEvent, LocatedEvent, RefinedLocation, locate_root
 from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import SpecialPoint
 from hbgear.harmonic.bifurcations.multiplier_events import NeimarkSackerEvent, PeriodDoublingEvent
-from hbgear.harmonic.multipliers.multiplier_error import SAFETY
-
-_COMPLEX = 1e-8
-"""Imaginary part of a multiplier, relative to its modulus, above which it belongs to a pair."""
-
+from hbgear.harmonic.multipliers.multiplier_error import SAFETY, is_complex
 
 _SAME_ROOT = 1e-6
 """Distance of two points, as a fraction of the segment, up to which they are one point: a pair has two moduli."""
@@ -37,16 +32,13 @@ _SHORT_STEPS = 0.3, 0.25
 rounding, about 1e-13, is a hundredth of that with the default steps, which are the longest of sufficient order."""
 
 
-class _CycleEvent(Event):
+class _CycleEvent(BuiltInEvent):
     """Zero of functions of the multipliers of a limit cycle, without the one of the arbitrary phase.
 
     name : kind of point in messages. advice : continuation of the advice to integrate a motion beyond it.
     """
 
     name, advice = "", ""
-
-    def __init__(self) -> None:
-        pass
 
     def functions(self, multipliers: ComplexArray) -> Array:
         """Return the functions (T,) of the multipliers (r,)."""
@@ -99,9 +91,6 @@ class _CycleEvent(Event):
         ]
         return float(SAFETY * np.abs(values).max() * max(distances))
 
-    def equations(self, problem: Any, parameter: str, point: Any) -> MinimallyAugmentedProblem | None:
-        return None
-
     def branch_direction(self, branch: Branch, point: SpecialPoint, side: int) -> NoReturn:
         """Raise ValueError: the motions that branch off are not traced from the point."""
         raise ValueError(
@@ -139,4 +128,4 @@ class CycleTorusEvent(_CycleEvent):
         """
         nearest = multipliers[np.argmin(np.abs(np.log(np.maximum(np.abs(multipliers), np.finfo(float).tiny))))]
         partner = np.abs(multipliers - nearest.conjugate()).min()
-        return bool(abs(nearest.imag) > _COMPLEX * abs(nearest) and partner < abs(nearest.imag))
+        return bool(is_complex(nearest) and partner < abs(nearest.imag))

@@ -41,7 +41,7 @@ from hbgear.continuation.augmented.level import ScalarConditionProblem
 from hbgear.continuation.augmented.minimally_augmented import MinimallyAugmentedProblem
 from hbgear.continuation.augmented.null_vectors import least_singular_vectors
 from hbgear.continuation.curve.segment import BranchStart, CurvePoint, Segment
-from hbgear.continuation.events.event import Event, LocatedEvent, locate_root
+from hbgear.continuation.events.event import BuiltInEvent, Event, LocatedEvent, locate_root
 from hbgear.continuation.numerics.linear import as_dense, bordered, norm
 from hbgear.continuation.problem.adapter import as_problem
 from hbgear.continuation.problem.base import ContinuationProblem, linearise
@@ -59,13 +59,10 @@ Test = Callable[[Any, Array, dict[str, float]], float]
 """Function of the equations of a special point, the motion and all parameters."""
 
 
-class CodimensionTwoEvent(Event):
+class CodimensionTwoEvent(BuiltInEvent):
     """Zero of a smooth function along a curve of special points."""
 
     function: Test
-
-    def __init__(self) -> None:
-        pass
 
     def values(
         self, points: Sequence[CurvePoint], problem: ContinuationProblem, name: str, fixed: dict[str, float]
@@ -89,9 +86,6 @@ class CodimensionTwoEvent(Event):
             return type(self).function(problem, X, {**fixed, **tracked, name: point.value})
         except (NoConvergence, np.linalg.LinAlgError):
             return math.nan
-
-    def equations(self, problem: Any, parameter: str, point: Any) -> MinimallyAugmentedProblem | None:
-        return None
 
 
 # ---- resonances 1:1 and 1:2, and fold-flip

@@ -12,6 +12,7 @@ from hbgear.common.arrays import ComplexArray
 from hbgear.continuation.curve.segment import CurvePoint, Segment
 from hbgear.continuation.events.columns import monitored_values
 from hbgear.continuation.results.stability import STABILITY_TOLERANCE
+from hbgear.harmonic.multipliers.multiplier_error import is_complex
 
 
 def multipliers_of(points: Sequence[CurvePoint]) -> ComplexArray | None:
@@ -41,12 +42,6 @@ def complex_multipliers(mu: ComplexArray) -> ComplexArray:
     """Return the multipliers that are not real."""
     complex_pairs: ComplexArray = mu[is_complex(mu)]
     return complex_pairs
-
-
-def is_complex(mu: ComplexArray) -> np.ndarray:
-    """Return which multipliers are not real."""
-    paired: np.ndarray = np.abs(mu.imag) > 1e-8 * np.abs(mu)
-    return paired
 
 
 def negative_real(mu: ComplexArray) -> ComplexArray:

@@ -32,7 +32,7 @@ from hbgear.continuation.curve.segment import BranchStart, CurvePoint, Segment
 from hbgear.continuation.events.branch_point import BranchPointEvent, as_traced
 from hbgear.continuation.events.columns import lengths
 from hbgear.continuation.events.event import (
-    Event,
+    BuiltInEvent,
     LocatedEvent,
     locate_by_newton,
     locate_root,
@@ -49,7 +49,6 @@ from hbgear.continuation.solvers.newton import NoConvergence, refine, solve
 from hbgear.harmonic.bifurcations.monitored import (
     complex_multipliers,
     count_unstable,
-    is_complex,
     multipliers_at,
     multipliers_of,
     negative_real,
@@ -67,7 +66,7 @@ from hbgear.harmonic.multipliers.multiplier_collisions import (
     leaps,
     passes_minus_one_cleanly,
 )
-from hbgear.harmonic.multipliers.multiplier_error import count_beyond
+from hbgear.harmonic.multipliers.multiplier_error import count_beyond, is_complex
 from hbgear.harmonic.multipliers.sampled_slopes import has_sampled_slopes
 
 PAIR_LOCATION_TOLERANCE = 1e-10
@@ -86,13 +85,10 @@ DOUBLE_MULTIPLIER_DISTANCE = 1e-6
 """Distance up to which two multipliers on the unit circle are equal."""
 
 
-class PeriodDoublingEvent(Event):
+class PeriodDoublingEvent(BuiltInEvent):
     """Period doubling: a multiplier passes -1, and motions of twice the period branch off."""
 
     kind, meaning, marker = "PD", "period doubling", "D"
-
-    def __init__(self) -> None:
-        pass
 
     def values(
         self, points: Sequence[CurvePoint], problem: ContinuationProblem, name: str, fixed: dict[str, float]
@@ -197,7 +193,7 @@ class MotionBranchPointEvent(BranchPointEvent):
         return _without_clean_passages(near_zeros(determinant[:, None], length), -mu, length)
 
 
-class NeimarkSackerEvent(Event):
+class NeimarkSackerEvent(BuiltInEvent):
     """Neimark-Sacker point: a complex pair of multipliers leaves the unit circle, and a second frequency appears.
 
     near : exponent of the pair, if it has been located already.
@@ -422,13 +418,10 @@ def _leaves_segment(segment: Segment, mu: ComplexArray, refined: LocatedEvent) -
     return circle_distance(refined.point) < circle_distance(segment.a if refined.s < 0 else segment.b)
 
 
-class PeriodDoublingMergeEvent(Event):
+class PeriodDoublingMergeEvent(BuiltInEvent):
     """End of a subharmonic branch: its subharmonic part passes zero, and it joins the branch of shorter period."""
 
     kind, meaning, marker, terminal, alone = "EP", "end: the branch joins the one it came from", "+", True, True
-
-    def __init__(self) -> None:
-        pass
 
     def find(self, segment: Segment) -> list[LocatedEvent]:
         part = segment.problem.subharmonic_part  # type: ignore[attr-defined]
@@ -441,9 +434,6 @@ class PeriodDoublingMergeEvent(Event):
             return [replace(root, point=_at_doubling(segment, root.point))]
         except (NoConvergence, np.linalg.LinAlgError):
             return [root]
-
-    def equations(self, problem: Any, parameter: str, point: Any) -> MinimallyAugmentedProblem | None:
-        return None
 
     def termination(self, name: str, value: float) -> tuple[Status, str]:
         return Status.MERGED, f"the branch joined the one it came from at {name} = {value:.6g}"

@@ -24,6 +24,7 @@ from hbgear.continuation.problem.evaluation import AnyProblem
 from hbgear.continuation.problem.finite_differences import directional_step, parameter_derivatives
 from hbgear.continuation.solvers.newton import NoConvergence
 from hbgear.harmonic.multipliers.hill import CondensedHillMatrix, slopes
+from hbgear.harmonic.multipliers.multiplier_error import is_complex
 from hbgear.harmonic.multipliers.sampled_slopes import SampledSlopes
 from hbgear.mechanics.series.fourier import to_real
 
@@ -341,7 +342,7 @@ def _nearest(mu: ComplexArray, multiplier: complex) -> complex:
 
 def exponent_of_pair(mu: ComplexArray, nu: int, Omega: float) -> complex | None:
     """Return the exponent s of the pair exp(2 pi nu s / Omega) nearest to the unit circle; None without pairs."""
-    pairs = mu[mu.imag > 1e-8 * np.abs(mu)]
+    pairs = mu[is_complex(mu) & (mu.imag > 0)]
     if not len(pairs):
         return None
     nearest = complex(pairs[np.argmin(np.abs(np.log(np.abs(pairs))))])

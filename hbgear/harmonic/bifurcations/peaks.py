@@ -14,7 +14,7 @@ from hbgear.continuation.augmented.minimally_augmented import MinimallyAugmented
 from hbgear.continuation.curve.builder import build_special_point, point_fields
 from hbgear.continuation.curve.segment import CurvePoint, Segment, normal_of, point_from_solution
 from hbgear.continuation.events.accuracy import estimate_error
-from hbgear.continuation.events.event import Event, LocatedEvent, locate_by_newton, locate_root
+from hbgear.continuation.events.event import BuiltInEvent, LocatedEvent, locate_by_newton, locate_root
 from hbgear.continuation.numerics.linear import norm
 from hbgear.continuation.problem.adapter import as_problem
 from hbgear.continuation.problem.base import ContinuationProblem, linearise
@@ -139,7 +139,7 @@ def _point_with_tangent(branch: Branch, i: int, scale: Array, direction: Array) 
 # ---- events
 
 
-class AmplitudePeakEvent(Event):
+class AmplitudePeakEvent(BuiltInEvent):
     """Peak of an amplitude, located by `hbgear.analysis.peaks` on a finished curve, not while it is traced."""
 
     kind, meaning, marker = "PK", "peak of an amplitude", "^"
@@ -224,10 +224,6 @@ class TracedPeakEvent(AmplitudePeakEvent):
     def sign_changes(self, points: Sequence[CurvePoint], values: Array) -> np.ndarray:
         """Return where the amplitude has a maximum: the derivative changes from positive to negative."""
         return np.asarray((values[:-1, 0] > 0) & (values[1:, 0] < 0))
-
-    def close(self, points: Sequence[CurvePoint], values: Array, scale: Array) -> list[tuple[int, float]]:
-        """Return no segments: a maximum and a minimum on one segment are not searched."""
-        return []
 
     def find(self, segment: Segment) -> list[LocatedEvent]:
         """Locate the maximum by Newton's method, or as a bracketed root of the derivative."""

@@ -20,7 +20,7 @@ from hbgear.common.arrays import Array
 from hbgear.continuation.augmented.minimally_augmented import AugmentedResidual, Borders, MinimallyAugmentedProblem
 from hbgear.continuation.curve.segment import CurvePoint, Segment
 from hbgear.continuation.events.columns import monitored_values
-from hbgear.continuation.events.event import Event, LocatedEvent, locate_by_newton, locate_root
+from hbgear.continuation.events.event import BuiltInEvent, LocatedEvent, locate_by_newton, locate_root
 from hbgear.continuation.numerics.linear import norm, solve_linear
 from hbgear.continuation.problem.base import ContinuationProblem, linearise
 from hbgear.continuation.problem.evaluation import AnyProblem
@@ -185,7 +185,7 @@ def _padded(rows: Array, size: int) -> Array:
     return np.append(rows, np.zeros(size - rows.size))
 
 
-class ThresholdEvent(Event):
+class ThresholdEvent(BuiltInEvent):
     """Base class of the events at which a motion reaches a threshold."""
 
     problems: ClassVar[tuple[type[ThresholdProblem], ...]]
@@ -193,9 +193,6 @@ class ThresholdEvent(Event):
 
     root_tolerance: ClassVar[float] = 1e-13
     """Tolerance of a bracketed root, as a fraction of the segment; see `locate_root`."""
-
-    def __init__(self) -> None:
-        pass
 
     def values(
         self, points: Sequence[CurvePoint], problem: ContinuationProblem, name: str, fixed: dict[str, float]

@@ -24,6 +24,7 @@ import numpy as np
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.continuation.events.near_tangency import SECANT_REACH
 from hbgear.continuation.results.stability import STABILITY_TOLERANCE
+from hbgear.harmonic.multipliers.multiplier_error import is_complex
 
 MIN_MULTIPLIERS = 4
 """Smallest number of multipliers with which one pair can collide with another or replace it outside the circle."""
@@ -306,8 +307,7 @@ def _parabola_minimum(f: Array) -> Array:
 
 def _in_upper_half_plane(mu: ComplexArray) -> np.ndarray:
     """Return which multipliers belong to a complex pair and have a positive imaginary part."""
-    out: np.ndarray = mu.imag > 1e-8 * np.abs(mu)
-    return out
+    return is_complex(mu) & (mu.imag > 0)
 
 
 MAX_MATCH_RATIO = 0.5

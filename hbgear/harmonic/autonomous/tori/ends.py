@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from hbgear.continuation.augmented.minimally_augmented import MinimallyAugmentedProblem
 from hbgear.continuation.curve.segment import Segment
-from hbgear.continuation.events.event import Event, LocatedEvent, locate_root
+from hbgear.continuation.events.event import BuiltInEvent, Event, LocatedEvent, locate_root
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point
 from hbgear.continuation.results.status import Status
@@ -29,13 +28,10 @@ _SMALLEST_MODULATION = 1e-7
 """Modulation over the whole motion below which it is rounding of a periodic motion."""
 
 
-class TorusMergeEvent(Event):
+class TorusMergeEvent(BuiltInEvent):
     """End of a branch of tori: its modulation passes zero, and it joins the periodic motions."""
 
     kind, meaning, marker, terminal, alone = "EP", "end: the branch joins the one it came from", "+", True, True
-
-    def __init__(self) -> None:
-        pass
 
     def find(self, segment: Segment) -> list[LocatedEvent]:
         """Locate the point of a segment at which the modulation vanishes."""
@@ -45,10 +41,6 @@ class TorusMergeEvent(Event):
         if min(np.linalg.norm(first), np.linalg.norm(second)) <= threshold or float(first @ second) >= 0:
             return []
         return [locate_root(segment, self, lambda point: float(first @ problem.modulation(point.X[:-1])))]
-
-    def equations(self, problem: Any, parameter: str, point: Any) -> MinimallyAugmentedProblem | None:
-        """Return None: the point is located as a root along the segment."""
-        return None
 
     def termination(self, name: str, value: float) -> tuple[Status, str]:
         """Return status and message of the end."""
