@@ -26,7 +26,7 @@ from hbgear.continuation.augmented.minimally_augmented import AugmentedResidual,
 from hbgear.continuation.follow import trace_to_both_ends
 from hbgear.continuation.numerics.linear import norm
 from hbgear.continuation.problem.base import linearise
-from hbgear.continuation.problem.evaluation import AnyProblem, Evaluation
+from hbgear.continuation.problem.evaluation import AnyProblem
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point
 from hbgear.continuation.solvers.newton import solve
@@ -34,6 +34,7 @@ from hbgear.continuation.tracing.trace import trace
 from hbgear.harmonic.autonomous.cycle_events import CycleDoublingEvent, CycleTorusEvent
 from hbgear.harmonic.autonomous.equilibrium import HopfPoint
 from hbgear.harmonic.autonomous.phase import in_phase, phase_vector, without_trivial
+from hbgear.harmonic.autonomous.prescribed_amplitude import PrescribedAmplitude
 from hbgear.harmonic.autonomous.recurrence import SampledMotion, repeated_motion
 from hbgear.harmonic.autonomous.unforced import Unforced, unforced_balance
 from hbgear.mechanics.models import Model, describe
@@ -125,29 +126,6 @@ class LimitCycleProblem(MinimallyAugmentedProblem):
         if "multipliers" in observed:
             out["multipliers"] = without_trivial(observed["multipliers"])
         return out
-
-
-class _StartEquations(MinimallyAugmentedProblem):
-    """Limit cycles of a given amplitude near a Hopf point: a parameter of the model is the last unknown.
-
-    {R, phase condition} = 0,   s^T X = amplitude
-    """
-
-    problem: LimitCycleProblem
-    shape: Array
-    amplitude: float
-
-    def __init__(self, problem: LimitCycleProblem, parameter: str, shape: Array, amplitude: float) -> None:
-        super().__init__(problem, parameter)
-        self._fixed(shape=shape, amplitude=amplitude)
-
-    def base_at(self, X: Array, parameters: dict[str, float]) -> Borders:
-        return Borders(linearise(self.problem, X, "", parameters).size / self.amplitude)
-
-    def extra(self, X: Array, parameters: dict[str, float], names: Sequence[str], base: Borders) -> AugmentedResidual:
-        evaluation: Evaluation = linearise(self.problem, X, self.parameter, parameters)
-        g = base.weight * (self.shape @ X[:-1] - self.amplitude)
-        return AugmentedResidual(evaluation, float(g), np.append(base.weight * self.shape, 0.0), 0.0, ())
 
 
 _FIRST_AMPLITUDE = 5e-2
@@ -267,4 +245,4 @@ def _first_cycle(problem: LimitCycleProblem, hopf: HopfPoint, amplitude: float) 
     guess = np.concatenate([to_real(d).ravel(), [hopf.Omega, hopf.value]])
     fixed = {name: value for name, value in problem.parameters.items() if name != hopf.parameter}
     started = problem.with_borders_at(guess[:-1], {**fixed, hopf.parameter: hopf.value})
-    return solve(_StartEquations(started, hopf.parameter, shape, amplitude), guess, fixed).X, fixed
+    return solve(PrescribedAmplitude(started, hopf.parameter, shape, amplitude), guess, fixed).X, fixed

@@ -61,8 +61,6 @@ _PHASE_ITERATIONS = 6
 """Iterations of Newton's method for the phase, which starts close to it."""
 
 
-def without_trivial(multipliers: ComplexArray, count: int = 1) -> ComplexArray:
-    """Return the multipliers without the ``count`` closest to +1, which belong to the arbitrary phase."""
-    remaining = np.argsort(np.abs(multipliers - 1.0), kind="stable")[count:]
-    out: ComplexArray = multipliers[np.sort(remaining)]
-    return out
+def without_trivial(multipliers: ComplexArray) -> ComplexArray:
+    """Return the multipliers without the one closest to +1, which belongs to the arbitrary phase."""
+    return np.delete(multipliers, np.argmin(np.abs(multipliers - 1.0)))

@@ -9,7 +9,6 @@ first torus has a small given modulation; its Omega and Omega_2 are unknown.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from fractions import Fraction
 from typing import Any
 
@@ -18,12 +17,11 @@ import numpy as np
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.ranges import Range, checked, counted
-from hbgear.continuation.augmented.minimally_augmented import AugmentedResidual, Borders, MinimallyAugmentedProblem
-from hbgear.continuation.problem.base import linearise
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point, SpecialPoint
 from hbgear.continuation.solvers.newton import solve
 from hbgear.continuation.tracing.trace import trace
+from hbgear.harmonic.autonomous.prescribed_amplitude import PrescribedAmplitude
 from hbgear.harmonic.autonomous.tori.basis import TorusBasis
 from hbgear.harmonic.autonomous.tori.layout import SECOND
 from hbgear.harmonic.autonomous.tori.problem import TorusProblem
@@ -33,29 +31,6 @@ from hbgear.mechanics.series.fourier import to_complex
 
 _MAX_EVEN_PART = 1e-8
 """Even harmonics of a motion and its disturbance, over the whole, below which they are rounding."""
-
-
-class _StartEquations(MinimallyAugmentedProblem):
-    """Tori of given modulation near a Neimark-Sacker point: the parameter of the branch is the last unknown.
-
-    {R, phase condition} = 0,   s^T X = modulation
-    """
-
-    problem: TorusProblem
-    shape: Array
-    amplitude: float
-
-    def __init__(self, problem: TorusProblem, parameter: str, shape: Array, amplitude: float) -> None:
-        super().__init__(problem, parameter)
-        self._fixed(shape=shape, amplitude=amplitude)
-
-    def base_at(self, X: Array, parameters: dict[str, float]) -> Borders:
-        return Borders(linearise(self.problem, X, "", parameters).size / self.amplitude)
-
-    def extra(self, X: Array, parameters: dict[str, float], names: Sequence[str], base: Borders) -> AugmentedResidual:
-        evaluation = linearise(self.problem, X, self.parameter, parameters)
-        g = base.weight * (self.shape @ X[:-1] - self.amplitude)
-        return AugmentedResidual(evaluation, float(g), np.append(base.weight * self.shape, 0.0), 0.0, ())
 
 
 @checked_arguments()
@@ -144,7 +119,7 @@ def torus(
     shape, Omega_2 = _disturbance(balance, X, parameters, name)
     require_free_rotation(label, Omega_2 * balance.nu / parameters["Omega"])
     problem, first, direction = _linear_torus(balance, X, shape, (H1, H2), dense, modulation)
-    U, start = _first_torus(problem, first, direction, Omega_2, parameters, name, modulation)
+    U, start = _first_torus(problem, first, direction, Omega_2, parameters, name)
     ends = (low, high) if U[-1] >= value else (high, low)
     begin = Point(U[:-2], start, 0.0, 0, None, np.zeros(0, dtype=np.int8), math.nan, problem.layout, problem=problem)
     usual = {"cover": False, "accuracy": None}
@@ -204,11 +179,10 @@ def _first_torus(
     Omega_2: float,
     parameters: dict[str, float],
     name: str,
-    modulation: float,
 ) -> tuple[Array, dict[str, float]]:
     """Return the unknowns (X, Omega_2, parameter) of the first torus, and all parameters there."""
     fixed = {key: x for key, x in parameters.items() if key != name}
     started = problem.with_borders_at(np.append(guess, Omega_2), parameters, renew=True)
-    equations = _StartEquations(started, name, direction, float(direction @ guess))
+    equations = PrescribedAmplitude(started, name, direction, float(direction @ guess))
     U = solve(equations, np.concatenate([guess, [Omega_2, parameters[name]]]), fixed).X
     return U, {**parameters, name: float(U[-1]), SECOND: float(U[-2])}
