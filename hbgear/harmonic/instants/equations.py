@@ -23,9 +23,9 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
-import scipy
 
 from hbgear.common.arrays import Array
+from hbgear.harmonic.structure.linear_structure import dense
 from hbgear.mechanics.laws.laws import PiecewiseLinear
 from hbgear.mechanics.models import System
 from hbgear.mechanics.series.fourier import Series, derive, evaluate, to_complex, to_real
@@ -230,7 +230,7 @@ class StateSpace:
     """
 
     def __init__(self, system: System, C: Any, K: Any) -> None:
-        M, C, K = (_dense(A) for A in (system.M, C, K))
+        M, C, K = (dense(A) for A in (system.M, C, K))
         W, n = system.W, system.n
         self.W, self.damping = W, np.array([e.damping for e in system.elements])
         s = 1.0 / np.sqrt(np.abs(np.diag(M)) + (np.diag(M) == 0) * (np.abs(np.diag(M)).max() or 1.0))
@@ -455,8 +455,3 @@ def shifted_polynomial(derivatives: Sequence[Any], shift: float) -> list[Any]:
     return [
         sum(c[n] * math.comb(n, power) * shift ** (n - power) for n in range(power, len(c))) for power in range(len(c))
     ]
-
-
-def _dense(A: Any) -> Array:
-    """Return a dense matrix."""
-    return np.asarray(A.toarray() if scipy.sparse.issparse(A) else A, dtype=float)

@@ -28,7 +28,14 @@ from hbgear.harmonic.instants.equations import Equations, EquationsAt
 from hbgear.harmonic.instants.pattern import InconsistentPatternError, Pattern, Switch, fixed_switches
 from hbgear.harmonic.instants.propagation import growth
 from hbgear.harmonic.instants.sampling import MissedCrossing, Samples, sample_gaps
-from hbgear.harmonic.instants.shooting import SIMULTANEOUS_SWITCHES, Iterate, linearise, residual_scale
+from hbgear.harmonic.instants.shooting import (
+    SIMULTANEOUS_SWITCHES,
+    Iterate,
+    linearise,
+    monodromy_matrix,
+    multipliers_of,
+    residual_scale,
+)
 from hbgear.mechanics.series.fourier import evaluate
 
 MAX_INSTANT_ITERATIONS = 25
@@ -320,10 +327,7 @@ def state_at(ode: EquationsAt, iterate: Iterate, tau: float) -> Array:
 def exact_motion_of(ode: EquationsAt, iterate: Iterate, samples: Samples, distance: float) -> ExactMotion:
     """Return the result of a converged iterate."""
     linearised = linearise(ode, iterate)
-    monodromy = linearised.flows[0]
-    for flow in linearised.flows[1:]:
-        monodromy = flow @ monodromy
-    mu = np.linalg.eigvals(monodromy).astype(complex)
+    monodromy = monodromy_matrix(linearised)
     durations = iterate.durations(ode.period)
     ends = [i for i in range(iterate.pattern.count) if not iterate.pattern.switches[(i + 1) % len(durations)].is_fixed]
     order = np.argsort(iterate.tau % ode.period)
@@ -332,7 +336,7 @@ def exact_motion_of(ode: EquationsAt, iterate: Iterate, samples: Samples, distan
         instants=(iterate.tau % ode.period)[order],
         switches=tuple(iterate.pattern.switches[i] for i in order.tolist()),
         states=iterate.x[order],
-        multipliers=mu[np.argsort(-np.abs(mu), kind="stable")],
+        multipliers=multipliers_of(monodromy),
         residual=float(np.abs(linearised.R).max(initial=0.0)) / residual_scale(iterate),
         distance=distance,
         shortest=float(durations[ends].min()) if ends else float("inf"),

@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hbgear.common.arrays import Array
+from hbgear.common.arrays import Array, ComplexArray
 from hbgear.harmonic.instants import kernels
 from hbgear.harmonic.instants.equations import EquationsAt
 from hbgear.harmonic.instants.pattern import Pattern, Switch, Visit
@@ -110,3 +110,17 @@ def switching_rows(ode: EquationsAt, pattern: Pattern) -> tuple[Array, Array]:
 def residual_scale(iterate: Iterate) -> float:
     """Return the size of the states, relative to which residuals are measured."""
     return float(np.abs(iterate.x).max(initial=0.0)) or 1.0
+
+
+def monodromy_matrix(linearised: Linearisation) -> Array:
+    """Return the product (r, r) of the flows."""
+    P = linearised.flows[0]
+    for flow in linearised.flows[1:]:
+        P = flow @ P
+    return P
+
+
+def multipliers_of(P: Array) -> ComplexArray:
+    """Return the multipliers (r,) of a monodromy matrix, largest modulus first."""
+    mu = np.linalg.eigvals(P).astype(complex)
+    return mu[np.argsort(-np.abs(mu), kind="stable")]

@@ -22,7 +22,7 @@ from hbgear.common.arrays import Array, ComplexArray
 from hbgear.continuation.results.stability import product_of_pairs
 from hbgear.continuation.solvers.newton import NoConvergence
 from hbgear.harmonic.instants.corrector import CurveState, Family, correct, jacobian, tangent_of
-from hbgear.harmonic.instants.shooting import Linearisation
+from hbgear.harmonic.instants.shooting import Linearisation, monodromy_matrix, multipliers_of
 
 REAL_PAIR_TOLERANCE = 1e-6
 """Imaginary part up to which two multipliers of product one are a real pair and no Neimark-Sacker point."""
@@ -81,20 +81,6 @@ class ExactPoint:
 
 SpecialExactPoint = tuple[str, float, ExactPoint]
 """Kind of a special point, its fraction of the step, and the point."""
-
-
-def monodromy_matrix(linearised: Linearisation) -> Array:
-    """Return the product (r, r) of the flows."""
-    P = linearised.flows[0]
-    for flow in linearised.flows[1:]:
-        P = flow @ P
-    return P
-
-
-def multipliers_of(P: Array) -> ComplexArray:
-    """Return the multipliers (r,) of a monodromy matrix, largest modulus first."""
-    mu = np.linalg.eigvals(P).astype(complex)
-    return mu[np.argsort(-np.abs(mu), kind="stable")]
 
 
 def doubling_test(P: Array, mu: ComplexArray) -> float:

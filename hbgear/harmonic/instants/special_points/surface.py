@@ -28,12 +28,8 @@ from hbgear.harmonic.instants.corrector import (
     solve_in_plane,
 )
 from hbgear.harmonic.instants.equations import EquationsAt
-from hbgear.harmonic.instants.shooting import Linearisation
-from hbgear.harmonic.instants.special_points.critical import (
-    monodromy_matrix,
-    multipliers_of,
-    pair_test,
-)  # fmt: skip
+from hbgear.harmonic.instants.shooting import Linearisation, monodromy_matrix, multipliers_of
+from hbgear.harmonic.instants.special_points.critical import pair_test
 from hbgear.harmonic.instants.special_points.grazing import Grazing, highest_point
 
 STORED_FAMILIES = 8

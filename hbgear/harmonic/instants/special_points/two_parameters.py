@@ -28,7 +28,7 @@ from hbgear.harmonic.instants.corrector import CurveState, chord_passes
 from hbgear.harmonic.instants.pattern import InconsistentPatternError
 from hbgear.harmonic.instants.refine import with_missed_crossings
 from hbgear.harmonic.instants.sampling import MissedCrossing
-from hbgear.harmonic.instants.special_points.critical import monodromy_matrix, multipliers_of
+from hbgear.harmonic.instants.shooting import monodromy_matrix, multipliers_of
 from hbgear.harmonic.instants.special_points.grazing import (
     SIMULTANEOUS_DISTANCE,
     Grazing,
