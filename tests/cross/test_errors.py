@@ -162,7 +162,7 @@ def test_errors_of_few_multipliers_give_those_of_the_points_between(zeta, harmon
     curve = hb.trace(problem, "Omega", span, stability=False, accuracy=None)
     seen, asked = problem.observe_many(curve.X, "Omega", curve.values), []
     mu = np.array([one["multipliers"] for one in seen])
-    kept = verification._second_set
+    kept = verification.second_set
     other = kept(problem, curve.X, "Omega", curve.values, {})
     every = estimate_multiplier_error(mu, difference_of(mu, other))
     rows = {x.tobytes(): i for i, x in enumerate(curve.X)}
@@ -171,8 +171,8 @@ def test_errors_of_few_multipliers_give_those_of_the_points_between(zeta, harmon
         asked.extend(map(bytes, X))
         return kept(p, X, *given)
 
-    monkeypatch.setattr(verification, "_second_set", counted)
-    monkeypatch.setattr(verification, "_refine_stability", lambda *given: given[4])
+    monkeypatch.setattr(verification, "second_set", counted)
+    monkeypatch.setattr(verification.UndecidedPoint, "refined", lambda point, *_: point.stability)
     problem.verify_stability(curve.X, "Omega", curve.values, seen, {})
     computed = np.zeros(len(curve), dtype=bool)
     computed[[rows[x] for x in asked]] = True

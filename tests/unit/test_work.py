@@ -7,7 +7,7 @@ import pytest
 
 import hbgear as hb
 from hbgear.continuation.problem.work import MIN_WEIGHT, Work
-from hbgear.harmonic.stability import verification
+from hbgear.harmonic.stability import undecided
 
 
 def test_no_solution_takes_more_than_half_of_the_remaining_work():
@@ -101,9 +101,9 @@ def test_a_rattle_with_endless_contacts_ends_within_its_bound(monkeypatch):
     mesh = hb.Element([1.0], hb.Backlash(k=1.0, b=1.0), damping=0.1, name="mesh")
     load = hb.Load(constant=[0.02], cosine={1: [0.05]})
     problem = hb.HarmonicBalance(hb.System([[1.0]], [[0.0]], [[0.0]], [mesh], load), 24)
-    calls, refine = [], verification.refine_motion
-    monkeypatch.setattr(verification, "refine_motion", lambda *given: calls.append(1) or refine(*given))
+    calls, refine = [], undecided.refine_motion
+    monkeypatch.setattr(undecided, "refine_motion", lambda *given: calls.append(1) or refine(*given))
     curve = hb.trace(problem, "Omega", (0.15, 0.1), work=0.1, cover=False)
-    assert 0 < len(calls) <= 0.1 / (verification.EXACT_MOTION_COST * MIN_WEIGHT) + 1
+    assert 0 < len(calls) <= 0.1 / (undecided.EXACT_MOTION_COST * MIN_WEIGHT) + 1
     assert curve.status.complete and "the bound work = 0.1 was reached" in curve.message
     assert curve.undecided.any() and curve.warnings
