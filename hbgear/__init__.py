@@ -34,7 +34,7 @@ if TYPE_CHECKING:  # imported when they are first used
     from hbgear.continuation.tracing.trace import trace
     from hbgear.gears.drawing.pair import GearPair
     from hbgear.gears.pairs.spur import SpurPair
-    from hbgear.harmonic.contact_instants import ContactInstants
+    from hbgear.harmonic.contact_instants.problem import ContactInstants
     from hbgear.harmonic.harmonic_balance import HarmonicBalance
     from hbgear.io.branches.npz import load, save
     from hbgear.mechanics.laws.laws import Backlash, Cubic, Unilateral

@@ -14,7 +14,7 @@ if TYPE_CHECKING:  # imported when they are first used
     from hbgear.harmonic.bifurcations.grazing import GrazingProblem
     from hbgear.harmonic.bifurcations.neimark_sacker import NeimarkSackerProblem
     from hbgear.harmonic.bifurcations.period_doubling import PeriodDoublingProblem
-    from hbgear.harmonic.contact_instants import ContactInstants
+    from hbgear.harmonic.contact_instants.problem import ContactInstants
     from hbgear.harmonic.equations.layout import register_measure
     from hbgear.harmonic.harmonic_balance import HarmonicBalance
 

@@ -187,9 +187,8 @@ class HarmonicBalance(PeriodicMotions):
         self, span: tuple[float, float], start: Any, settings: Any, cover: bool, unresolved: bool = False
     ) -> Branch | None:
         """Return a curve of hard stops, which H harmonics do not resolve, in contact instants; else None."""
-        curve: Branch | None = call(
-            "hbgear.harmonic.contact_instants.trace_hard_stops", self, span, start, settings, cover, unresolved
-        )
+        function = "hbgear.harmonic.contact_instants.hard_stops.trace_hard_stops"
+        curve: Branch | None = call(function, self, span, start, settings, cover, unresolved)
         return curve
 
     # ---- other harmonics

@@ -23,7 +23,7 @@ from hbgear.common.arrays import Array
 from hbgear.common.optional import needed
 from hbgear.continuation.results.point import Point
 from hbgear.continuation.solvers.newton import NoConvergence
-from hbgear.harmonic.contact_instants import ContactInstants
+from hbgear.harmonic.contact_instants.problem import ContactInstants
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.harmonic.instants.corrector import CurveState
 from hbgear.harmonic.instants.equations import EquationsAt, NotPiecewiseLinear

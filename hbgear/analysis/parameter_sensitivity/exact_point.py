@@ -13,10 +13,10 @@ from hbgear.continuation.augmented.sensitivity import Slopes
 from hbgear.continuation.problem.finite_differences import parameter_derivatives
 from hbgear.continuation.results.point import Point, SpecialPoint
 from hbgear.continuation.solvers.newton import NoConvergence
-from hbgear.harmonic.contact_instants import (
+from hbgear.harmonic.contact_instants.problem import ContactInstants
+from hbgear.harmonic.contact_instants.special_states import (
     MAX_HARD_COORDINATES,
     RELOCATED_KINDS,
-    ContactInstants,
     grazing_contacts,
     special_state,
 )  # fmt: skip

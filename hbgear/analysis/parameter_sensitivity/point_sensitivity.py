@@ -33,7 +33,7 @@ from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.results.point import Point, SpecialPoint
 from hbgear.continuation.solvers.newton import NoConvergence, refine, solve
 from hbgear.harmonic.bifurcations.extremum import peak_of
-from hbgear.harmonic.contact_instants import ContactInstants
+from hbgear.harmonic.contact_instants.problem import ContactInstants
 from hbgear.harmonic.equations.layout import Layout
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.harmonic.models.frequency_units import MESH, PINION

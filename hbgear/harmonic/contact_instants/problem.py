@@ -15,7 +15,7 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -24,7 +24,6 @@ from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.lru_cache import LRUCache
 from hbgear.common.ranges import counted
 from hbgear.continuation.curve.segment import BranchStart
-from hbgear.continuation.events.branch_point import BranchPointEvent
 from hbgear.continuation.events.detector import events_of
 from hbgear.continuation.events.event import Event
 from hbgear.continuation.problem.base import ContinuationProblem
@@ -32,32 +31,28 @@ from hbgear.continuation.problem.evaluation import Evaluation
 from hbgear.continuation.problem.work import Work
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.concatenation import with_asymptotes
-from hbgear.continuation.results.point import Point, SpecialPoint
+from hbgear.continuation.results.point import Point
 from hbgear.continuation.results.status import Status
 from hbgear.continuation.solvers.newton import NoConvergence
 from hbgear.continuation.tracing.coverage import coverage_message, reversed_span_message
 from hbgear.continuation.tracing.jumps import find_jumps
 from hbgear.continuation.tracing.state import set_up
-from hbgear.continuation.tracing.trace import trace
-from hbgear.harmonic.bifurcations.codimension_two import FirstResonanceEvent, SecondResonanceEvent
-from hbgear.harmonic.bifurcations.multiplier_events import PeriodDoublingEvent
+from hbgear.harmonic.contact_instants.branches import ExactBranchPoint, ExactPeriodDoubling, ExactStart
+from hbgear.harmonic.contact_instants.special_states import exact_or_traced_again, state_of
 from hbgear.harmonic.equations.discretization import MAX_COUNT
 from hbgear.harmonic.equations.harmonic_selection import tooth_orders
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
-from hbgear.harmonic.instants.corrector import CurveState, Family, jacobian
-from hbgear.harmonic.instants.equations import Equations, EquationsAt, NotPiecewiseLinear
+from hbgear.harmonic.instants.corrector import CurveState, Family
+from hbgear.harmonic.instants.equations import Equations, EquationsAt
 from hbgear.harmonic.instants.following import Follower
 from hbgear.harmonic.instants.observables import regime_of, reporter
-from hbgear.harmonic.instants.pattern import InconsistentPatternError, Pattern
+from hbgear.harmonic.instants.pattern import InconsistentPatternError
 from hbgear.harmonic.instants.refine import ExactMotion, exact_motion_of, solve
 from hbgear.harmonic.instants.results import build_exact_branch
 from hbgear.harmonic.instants.sampling import coefficients, sample_gaps
-from hbgear.harmonic.instants.shooting import SIMULTANEOUS_SWITCHES, Iterate
-from hbgear.harmonic.instants.special_points.critical import point_on_curve, relocated
+from hbgear.harmonic.instants.shooting import Iterate
 from hbgear.harmonic.instants.special_points.grazing import Grazing
-from hbgear.harmonic.instants.special_points.problem import ExactSpecialPointProblem, KnownPoint
 from hbgear.harmonic.stability.exact_motion import exact_iterate, iterate_by_stiffness
-from hbgear.harmonic.structure.linear_structure import dense
 from hbgear.mechanics.models import Model
 
 CONTACT_INSTANTS = "contact instants"
@@ -69,12 +64,6 @@ MAX_REFINEMENT_DISTANCE = 0.3
 NEIGHBOURS = 3
 """Number of known points from which Newton's method starts."""
 
-
-RELOCATED_KINDS = ("LP", "PD", "NS")
-"""Kinds of special points that are located again along a curve of other equations."""
-
-SAME_PLACE = 1e-9
-"""Relative distance of a special point from its place in a file, up to which it is the same one."""
 
 SHORTEST_RESOLVED_CONTACT = 3.0
 """Duration of a contact [rad] times the number of harmonics from which derivatives in all parameters agree with the
@@ -93,90 +82,6 @@ class KnownStates(NamedTuple):
     X: Array
     states: list[CurveState]
     contacts: dict[int, tuple[Grazing, ...]]
-
-
-class ExactStart(NamedTuple):
-    """First state of a branch and the direction in which it leaves, in the unknowns of the state."""
-
-    state: CurveState
-    direction: Array
-
-
-class ExactPeriodDoubling(PeriodDoublingEvent):
-    """Period doubling of exact motions: the branch of twice the period is traced in contact instants as well."""
-
-    def branch_direction(self, branch: Branch, point: SpecialPoint, side: int) -> tuple[Any, BranchStart]:
-        """Return the problem of twice the period and the start at the point; both sides are the same motion."""
-        problem = point.problem or branch.require_problem()
-        doubled = problem.with_order(2 * problem.nu, 2 * problem.H)
-        single = problem.exact_state(point.X, branch.parameter, point.parameters)
-        fixed = {name: value for name, value in point.parameters.items() if name != branch.parameter}
-        state, direction = _doubled_state(single, math.tau * problem.nu, doubled.family(branch.parameter, fixed))
-        return doubled, _branch_start(doubled, point, ExactStart(state, side * direction))
-
-
-class ExactBranchPoint(BranchPointEvent):
-    """Branch point of exact motions: the other branch is traced in contact instants as well."""
-
-    def branch_direction(self, branch: Branch, point: SpecialPoint, side: int) -> tuple[Any, BranchStart]:
-        """Return the problem, and the start of the branch that crosses the traced curve."""
-        problem, i, name = point.problem or branch.require_problem(), point.index, branch.parameter
-        state = _state_near(problem, branch, i)
-        fixed = {key: value for key, value in point.parameters.items() if key != name}
-        family, scale = problem.family(name, fixed), state.scale(float(np.ptp(branch.values)) or 1.0)
-        null = np.linalg.svd(jacobian(family, state)[1] * scale)[2][-2:]
-        changes = np.array([_change_of_gaps(family, state, direction * scale, problem.H) for direction in null])
-        before, after = max(i - 1, 0), min(i + 1, len(branch) - 1)
-        along_curve = np.linalg.lstsq(changes.T, branch.X[after] - branch.X[before])[0]
-        along_curve = along_curve / np.linalg.norm(along_curve)
-        transverse = np.array([-along_curve[1], along_curve[0]]) @ null
-        return problem, _branch_start(problem, point, ExactStart(state, side * transverse * scale))
-
-
-def _state_near(problem: Any, branch: Branch, i: int) -> CurveState:
-    """Return the state of a branch point, where Newton's method does not converge, or of a point next to it."""
-    states = problem.nearest_states(branch.X[i], branch.parameters_at(i))
-    if states:
-        return cast(CurveState, states[0])
-    for k in (i, max(i - 1, 0), min(i + 1, len(branch) - 1)):
-        with suppress(NoConvergence):
-            return cast(CurveState, problem.exact_state(branch.X[k], branch.parameter, branch.parameters_at(k)))
-    raise NoConvergence("no exact motion was found at the branch point", branch.X[i], branch.parameters_at(i), [])
-
-
-def _change_of_gaps(family: Family, state: CurveState, direction: Array, H: int) -> Array:
-    """Return the derivatives of the coefficients of all gaps in a direction of the state."""
-    rows = []
-    for sign in (1, -1):
-        shifted = state.with_z(state.z + sign * DIFFERENCE * direction)
-        rows.append(coefficients(family(shifted.value), shifted.iterate, H)[0].ravel())
-    out: Array = (rows[0] - rows[1]) / (2 * DIFFERENCE)
-    return out
-
-
-DIFFERENCE = 1e-5
-"""Step in scaled unknowns of the derivatives of coefficients, which select one of two directions."""
-
-
-def _branch_start(problem: Any, point: SpecialPoint, start: ExactStart) -> BranchStart:
-    """Return a start of a problem that follows curves itself: it has no coefficients and no direction of them."""
-    X = np.zeros(problem.size)
-    return BranchStart(X, dict(point.parameters), np.append(X, 0.0), event=start)
-
-
-def _doubled_state(single: CurveState, period: float, family: Family) -> ExactStart:
-    """Return a motion over two periods, and the null vector that a shift by one period reverses."""
-    iterate = single.iterate
-    pattern = Pattern(iterate.pattern.switches * 2, iterate.pattern.contacts * 2)
-    doubled = Iterate(pattern, np.concatenate([iterate.tau, iterate.tau + period]), np.concatenate([iterate.x] * 2))
-    state = CurveState.of(doubled, single.value)
-    J, scale = jacobian(family, state)[1], state.scale(1.0)
-    n, free = iterate.x.size, len(single.z) - 1 - iterate.x.size
-    blocks = [np.r_[0:n, 2 * n : 2 * n + free], np.r_[n : 2 * n, 2 * n + free : 2 * n + 2 * free]]
-    antisymmetric = np.zeros((len(state.z), n + free))
-    antisymmetric[blocks[0], range(n + free)], antisymmetric[blocks[1], range(n + free)] = 1.0, -1.0
-    null = np.linalg.svd((J * scale) @ antisymmetric)[2][-1]
-    return ExactStart(state, (antisymmetric @ null) * scale)
 
 
 class ContactInstants(HarmonicBalance):
@@ -337,7 +242,7 @@ class ContactInstants(HarmonicBalance):
         NoConvergence
             If the shortest contact of the motion is too short for the harmonics.
         """
-        state = _state_of(self, point)
+        state = state_of(self, point)
         if state is None:
             return form.from_point(point)
         ode = self.compiled(dict(point.parameters)).contact_equations.at(float(point.parameters["Omega"]))
@@ -410,7 +315,7 @@ class ContactInstants(HarmonicBalance):
         ValueError
             If the trace asks for events that are not located on these curves.
         """
-        if missing := _other_events(settings):
+        if missing := other_events(settings):
             raise ValueError(
                 f"curves in contact instants have no {', '.join(missing)}: use hb.analysis.peaks(curve) for peaks, or "
                 "trace a HarmonicBalance"
@@ -498,98 +403,6 @@ def _initial_state(problem: ContactInstants, name: str, parameters: Mapping[str,
     return coarse.exact_state(coarse.balance.start(**parameters), name, parameters)
 
 
-def special_state(problem: ContactInstants, point: SpecialPoint) -> CurveState:
-    """Return the state of a fold, period doubling or Neimark-Sacker point of a curve.
-
-    A curve from a file does not have its states. There the exact motion nearest to the point is computed with a
-    free Omega, and the special point is located along the curve.
-
-    Raises
-    ------
-    NoConvergence
-        If the motion is not found at the place of the point, as with contacts that its harmonics do not show.
-    """
-    states = problem.nearest_states(point.X, point.parameters)
-    if states:
-        return states[0]
-    name = list(point.parameters)[-1]
-    value = float(point.parameters[name])
-    try:
-        ode, iterate = exact_iterate(problem, point.X, point.parameters, name == "Omega")
-    except InconsistentPatternError as error:
-        raise NoConvergence(str(error), point.X, dict(point.parameters), []) from error
-    state = CurveState.of(iterate, ode.Omega if name == "Omega" else value)
-    family = problem.family(name, {key: x for key, x in point.parameters.items() if key != name})
-    point_nearby = point_on_curve(family, state, state.scale(abs(value) or 1.0))
-    special = relocated(family, point_nearby, point.kind, reach=0.2).state
-    if abs(special.value - value) > SAME_PLACE * abs(value):
-        raise NoConvergence(f"no exact motion found at {point.label}", point.X, dict(point.parameters), [])
-    return special
-
-
-def exact_special_point(problem: ContactInstants, parameter: str, point: Point) -> ExactSpecialPointProblem | None:
-    """Return the problem of a special point whose exact motion is known, with a curve in a second parameter.
-
-    None is returned for structures with many coordinates, which take seconds a point, and for contacts of a symmetric
-    machine that switch at the same instant, where the equations are nearly singular: there harmonics are better.
-    """
-    if not isinstance(point, SpecialPoint) or point.kind not in (*RELOCATED_KINDS, "GR"):
-        return None
-    contacts = grazing_contacts(problem, point) if point.kind == "GR" else ()
-    if problem.compiled({}).system.n > MAX_HARD_COORDINATES or (point.kind == "GR" and len(contacts) != 1):
-        return None
-    try:
-        states = problem.nearest_states(point.X, point.parameters) if contacts else [special_state(problem, point)]
-    except NoConvergence:
-        return None
-    period = math.tau * problem.nu
-    if np.abs(states[0].iterate.durations(period)).min() < SIMULTANEOUS_SWITCHES * period:
-        return None
-    known_point = KnownPoint(states[0], dict(point.parameters), contacts[0] if contacts else None)
-    resonances = FirstResonanceEvent(), SecondResonanceEvent()
-    return ExactSpecialPointProblem(problem, parameter, point.kind, known_point, resonances)
-
-
-def exact_or_traced_again(
-    problem: ContactInstants, parameter: str, point: Point, branch: Branch | None
-) -> ExactSpecialPointProblem | None:
-    """Return `exact_special_point`; for a point of a curve from a file, also on the same curve traced again.
-
-    The file has the harmonics of each motion, which do not show short contacts.
-    """
-    exact = exact_special_point(problem, parameter, point)
-    span = branch.meta.get("trace", {}).get("span") if branch is not None else None
-    is_large = problem.compiled({}).system.n > MAX_HARD_COORDINATES
-    if exact is not None or branch is None or span is None or problem.known_states is not None or is_large:
-        return exact
-    value = point.parameters[parameter]
-    with suppress(NoConvergence, ValueError):
-        curve = trace(problem, parameter, tuple(span), at=dict(branch.fixed), stability=False)
-        for special in (candidate for part in curve.curves for candidate in part.special):
-            is_same = abs(special.parameters[parameter] - value) <= SAME_PLACE * abs(value)
-            if is_same and special.kind == getattr(point, "kind", ""):
-                return exact_special_point(special.problem, parameter, special)
-    return None
-
-
-def grazing_contacts(problem: ContactInstants, point: SpecialPoint) -> tuple[Grazing, ...]:
-    """Return the contacts that graze at a point of the curve of a problem; empty for a curve from a file."""
-    known, states = problem.known_states, problem.nearest_states(point.X, point.parameters)
-    if known is None or not states:
-        return ()
-    return next((known.contacts.get(i, ()) for i, state in enumerate(known.states) if state is states[0]), ())
-
-
-def _state_of(problem: ContactInstants, point: Point) -> CurveState | None:
-    """Return the exact motion of a point as the state of a curve; None if it is not found and not required."""
-    if isinstance(point, SpecialPoint) and point.kind in RELOCATED_KINDS:
-        return special_state(problem, point)
-    states = problem.nearest_states(point.X, point.parameters)
-    with suppress(NoConvergence):
-        return states[0] if states else problem.exact_state(point.X, "Omega", point.parameters)
-    return None
-
-
 START_HARMONICS = 32
 """Most harmonics of the balance whose motion is the first guess: with 128 the search takes a minute for a hard stop."""
 
@@ -610,70 +423,10 @@ def _stored(make: Callable[[float], EquationsAt], name: str) -> Family:
     return equations_at
 
 
-UNRESOLVED_CONTACT = 2.0
-"""Frequency of the closed contact, over the highest harmonic at the lowest Omega, from which it is not resolved."""
-
-HARD_STOP_RATIO = 10.0
-"""Frequency of the closed contact over the highest Omega from which stops are hard. It is 14 for a stop of a thousand
-times the stiffness of the mass; below it, few harmonics are the choice of the user."""
-
-
-def trace_hard_stops(
-    balance: HarmonicBalance, span: tuple[float, float], start: Any, settings: Any, cover: bool, unresolved: bool
-) -> Branch | None:
-    """Return the curve of a harmonic balance in contact instants if its harmonics do not resolve the contacts.
-
-        w = max sqrt(eig(M^-1 (K + W k W^T))),   w > 2 H Omega_low / nu,   w > 10 Omega_high
-
-    k is the reference stiffness of the laws. Contacts then take less than a quarter of the period of the highest
-    harmonic, and less than a twentieth of the period of the excitation. If a trace has shown that the harmonics do not
-    resolve the curve (``unresolved``), contacts of constant stiffness are sufficient, and the curve must reach the end
-    of the span. None is returned for other models, and if the curve cannot be completed in contact instants.
-    """
-    if settings.parameter != "Omega" or start is not None or balance.auto or balance.selection or balance.is_sampled:
-        return None
-    if _other_events(settings):
-        return None
-    system = balance.compiled({}).system
-    if system.n > MAX_HARD_COORDINATES or any(e.law.piecewise is None for e in system.elements):
-        return None
-    fastest = _contact_frequency(system)
-    lowest, highest = min(map(abs, span)), max(map(abs, span))
-    hard = fastest > UNRESOLVED_CONTACT * balance.H * lowest / balance.nu and fastest > HARD_STOP_RATIO * highest
-    constant = not any(law.stiffness.varies for e in system.elements for law in e.law.piecewise or ())
-    if not (hard or (unresolved and fastest and constant)):
-        return None
-    try:
-        exact = ContactInstants(balance.model, balance.H, nu=balance.nu)
-        branch = exact.own_trace(span, start, settings, cover)
-    except (NotPiecewiseLinear, NoConvergence, InconsistentPatternError):
-        return None
-    if not branch.status.complete or (unresolved and branch.status is not Status.REACHED_END):
-        return None
-    ratio = fastest / min(map(abs, span))
-    text = f"traced in contact instants, because H = {balance.H} does not resolve contacts of {ratio:.3g} Omega"
-    return replace(branch, message=f"{branch.message}; {text}")
-
-
 LOCATED_KINDS = ("LP", "BP", "PD", "NS", "GR", "EP")
 """Special points of curves in contact instants."""
 
 
-def _other_events(settings: Any) -> list[str]:
+def other_events(settings: Any) -> list[str]:
     """Return the kinds of events that a trace asks for and that are not located in contact instants."""
     return [event.kind for event in settings.events if event.kind not in LOCATED_KINDS]
-
-
-def _contact_frequency(system: Any) -> float:
-    """Return the highest natural frequency with closed contacts; 0 if contacts do not raise it."""
-    if system.receptances is not None or system.massless:
-        return 0.0
-    M, K = dense(system.M), dense(system.K)
-    k = np.array([e.law.reference for e in system.elements])
-    closed = np.abs(np.linalg.eigvals(np.linalg.solve(M, K + (system.W * k) @ system.W.T))).max()
-    opened = np.abs(np.linalg.eigvals(np.linalg.solve(M, K))).max()
-    return float(np.sqrt(closed)) if closed > 4 * opened else 0.0
-
-
-MAX_HARD_COORDINATES = 10
-"""Coordinates up to which hard stops are traced in contact instants without a request: some seconds at most."""

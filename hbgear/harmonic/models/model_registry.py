@@ -36,7 +36,7 @@ from hbgear.harmonic.autonomous.tori.basis import TorusBasis
 from hbgear.harmonic.autonomous.tori.problem import TorusProblem
 from hbgear.harmonic.autonomous.tori.two_tones import TwoToneProblem
 from hbgear.harmonic.autonomous.unforced import unforced_balance
-from hbgear.harmonic.contact_instants import CONTACT_INSTANTS, ContactInstants
+from hbgear.harmonic.contact_instants.problem import CONTACT_INSTANTS, ContactInstants
 from hbgear.harmonic.equations.harmonic_selection import HIGHEST, HarmonicSelection
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.mechanics.fields import check_names, made, plain_kinds_of
