@@ -35,8 +35,8 @@ from hbgear.continuation.results.point import Point
 from hbgear.harmonic.balance.equations import FREQUENCIES
 from hbgear.harmonic.balance.initial_guess import find_motion
 from hbgear.harmonic.balance.motions import PeriodicMotions
+from hbgear.harmonic.balance.resolution import largest_amplitudes, with_enough_samples
 from hbgear.harmonic.bifurcations.no_contact import ARBITRARY, pins_of
-from hbgear.harmonic.equations import motion
 from hbgear.harmonic.equations.discretization import (
     MAX_AUTOMATIC_HARMONICS,
     MAX_COUNT,
@@ -223,7 +223,7 @@ class HarmonicBalance(PeriodicMotions):
         checked("with_harmonics_of", "tolerance", tolerance, POSITIVE)
         if not isinstance(curve.layout, Layout):
             raise ValueError("with_harmonics_of needs a curve of periodic motions")
-        sizes = motion.largest_amplitudes(self, curve)
+        sizes = largest_amplitudes(self, curve)
         given, more = (
             tuple((1 + np.flatnonzero(sizes > level)).tolist()) for level in (tolerance, _MARGINAL_ORDERS * tolerance)
         )
@@ -296,7 +296,7 @@ class HarmonicBalance(PeriodicMotions):
         """Return the balance with as many samples as the AFT of a motion requires; itself if they were given."""
         if self.discretization.samples_given or not self.compiled(parameters).aft_laws:
             return self
-        out: HarmonicBalance = motion.with_enough_samples(self, X, parameters)
+        out: HarmonicBalance = with_enough_samples(self, X, parameters)
         return out
 
     def arbitrary(self, X: Array, parameters: Mapping[str, float]) -> tuple[HarmonicBalance, str] | None:

@@ -1,1 +1,1 @@
-"""Parts of the class HarmonicBalance: equations, quantities of motions, additions to branches."""
+"""Parts of the class HarmonicBalance: equations, quantities of motions, resolution, additions to branches."""

@@ -21,6 +21,7 @@ from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point
 from hbgear.harmonic.balance.equations import HarmonicEquations
 from hbgear.harmonic.balance.postprocess import postprocess
+from hbgear.harmonic.balance.resolution import add_resolution_error
 from hbgear.harmonic.bifurcations.codimension_two import events_of_codimension_two
 from hbgear.harmonic.bifurcations.events import motion_events
 from hbgear.harmonic.bifurcations.no_contact import FirstContact
@@ -238,7 +239,7 @@ class PeriodicMotions(HarmonicEquations):
 
         The error of resolution is the Newton step with twice the harmonics; see `hbgear.harmonic.equations.motion`.
         """
-        motion.add_resolution_error(self, X, name, values, seen, parameters)
+        add_resolution_error(self, X, name, values, seen, parameters)
 
     @property
     def batch_size(self) -> int:  # type: ignore[override]

@@ -1,0 +1,185 @@
+"""Harmonics and samples of a balance: those that a motion requires, and the error of those that it has.
+
+    error of resolution    delta X = -J_fine^-1 R_fine(X)
+
+The error of resolution is a Newton step of the balance with twice the harmonics, and more samples of laws evaluated by
+the alternating frequency/time method (AFT). It contains two effects that the truncation error does not. Truncated
+harmonics change the contact and so act back on the kept ones, which multiplies the error of a motion with stops by up
+to 8. With N samples per period, AFT adds the force harmonics k + N, k + 2N, ... to harmonic k; this aliasing is not
+small where a law is steep, as the friction force tanh(v / v0).
+
+References
+----------
+Krack & Gross, Harmonic Balance for Nonlinear Vibration Problems (2019), https://doi.org/10.1007/978-3-030-14023-6.
+Cameron & Griffin (1989), J. Appl. Mech. 56(1), https://doi.org/10.1115/1.3176036, for AFT.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from typing import Any
+
+import numpy as np
+
+from hbgear.common.arrays import Array
+from hbgear.continuation.curve.refinement import shortest_step
+from hbgear.continuation.numerics.linear import Factors, norm, solve_linear
+from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.solvers.newton import NoConvergence, solve
+from hbgear.harmonic.equations.discretization import MAX_SAMPLES
+from hbgear.harmonic.equations.evaluator import Evaluator, elements_between_breakpoints
+from hbgear.harmonic.equations.motion import with_driven_harmonics
+from hbgear.harmonic.equations.thresholds import edged_laws
+from hbgear.mechanics.laws.vector_laws import Component
+
+CHECK_INTERVAL = 4
+"""Points per check of the error of resolution, which costs as much as several evaluations of the balance."""
+
+PROJECTED_CHECK_INTERVAL = 8
+"""Points per check of laws that are projected exactly, whose evaluations cost less than the check."""
+
+MIN_CHECKED_ERROR = 1e-9
+"""Truncation error, relative to the motion, up to which it is not checked."""
+
+MAX_CHECKED_UNKNOWNS = 1200
+"""Unknowns up to which the error of resolution is computed with twice the harmonics."""
+
+MAX_CHOSEN_SAMPLES = 32_768
+"""Samples per period up to which their number is raised automatically."""
+
+CORNER_SAMPLES = 2048
+"""Least number of samples per period of laws with breakpoints that lie between samples. A curve has a corner where a
+sample passes a breakpoint, and multipliers depend on the samples of slopes that jump there: period doublings of a
+rubbing rotor are known to 1e-8, and to 1e-5 with 128 samples."""
+
+MAX_ALIASING = 1e-5
+"""Change of a motion by twice the samples, relative to its size, for which a number of samples is accepted."""
+
+
+def with_enough_samples(problem: Any, X: Array, parameters: Mapping[str, float]) -> Any:
+    """Return a balance with as many samples as the AFT of a motion requires.
+
+    They are doubled until aliasing changes the motion by less than 1e-5 of its size. A law with breakpoints has
+    `CORNER_SAMPLES` or more, because the motion may reach its breakpoints later on the curve.
+    """
+    limit = min(MAX_SAMPLES // max(problem.m, 1), MAX_CHOSEN_SAMPLES)
+    best, motion = problem, X
+    min_samples = min(limit, CORNER_SAMPLES) if _samples_have_corners(problem.compiled(parameters)) else 0
+    if min_samples > best.N:
+        best = best.denser(math.ceil(min_samples / best.N))
+    while limit >= 2 * best.N:
+        denser = best.denser(2)
+        if norm(_newton_step(denser, motion, parameters)) <= MAX_ALIASING * norm(motion):
+            break
+        best = denser
+        with suppress(NoConvergence):
+            motion = solve(best, motion, parameters).X
+    return best
+
+
+def _samples_have_corners(evaluator: Evaluator) -> bool:
+    """Return whether the slope of a law that is evaluated by AFT jumps between samples."""
+    divided = elements_between_breakpoints(evaluator)
+    scalar = (law for j, law in evaluator.aft_laws if not isinstance(law, Component) and j not in divided)
+    return any(law.breakpoints for law in scalar) or bool(edged_laws(evaluator))
+
+
+def _newton_step(problem: Any, X: Array, parameters: Mapping[str, float]) -> Array:
+    """Return the Newton step (n,) of a problem at a motion; nan where its Jacobian is singular."""
+    R, J = problem.evaluate(X, **parameters)
+    try:
+        return solve_linear(J, -R)
+    except np.linalg.LinAlgError:
+        return np.full(len(X), np.nan)
+
+
+def add_resolution_error(
+    problem: Any, X: Array, name: str, values: Array, observed: Sequence[dict[str, Any]],
+    parameters: Mapping[str, float],
+) -> None:  # fmt: skip
+    """Replace ``"error"`` by the error of resolution where this is larger, for motions X (P, n) at values (P,).
+
+    Some of successive motions are checked. Between them, the error of laws evaluated by AFT and of damped contacts is
+    interpolated. For laws that are projected exactly, the ratio to the truncation error, which is zero without contact,
+    is interpolated instead.
+    """
+    if not len(X):
+        return
+    parameter_sets = [{**parameters, name: value} for value in values.tolist()]
+    evaluator, truncation = problem.compiled(parameter_sets[0]), np.array([entry["error"] for entry in observed])
+    if evaluator.aft_laws or evaluator.damped:
+        checked, interval, unit = np.arange(len(X)), CHECK_INTERVAL, np.ones(len(X))
+    elif len(evaluator.breakpoints) or evaluator.sliders:
+        checked = np.flatnonzero(truncation > MIN_CHECKED_ERROR * np.linalg.norm(X, axis=1))
+        interval, unit = PROJECTED_CHECK_INTERVAL, truncation
+    else:
+        return
+    subset = checked[min(interval // 2, max(len(checked) - 1, 0)) :: interval]
+    ratios = [max(_resolution_error(problem, X[i], parameter_sets[i]), truncation[i]) / unit[i] for i in subset]
+    for i in checked.tolist() if ratios else ():
+        observed[i]["error"] = float(np.fmax(truncation[i], unit[i] * np.interp(i, subset, ratios)))
+
+
+def _finer(problem: Any, parameters: Mapping[str, float]) -> Any:
+    """Return the balance with twice the harmonics, and more samples per harmonic of laws evaluated by AFT.
+
+    There are four times as many, or twice as many of a law with breakpoints, whose number is large. The harmonics are
+    the same if twice as many are too many, or a reduced or measured structure is not known at their frequencies. None
+    is returned if the samples are too many as well, or are not used.
+    """
+    evaluator, refined = problem.compiled(parameters), problem.refined_problem
+    is_unreduced = problem.models.reduced_for is None and math.isinf(evaluator.structure.highest)
+    can_double = 2 * problem.size <= MAX_CHECKED_UNKNOWNS and (is_unreduced or refined is not None)
+    if not evaluator.aft_laws:
+        return (refined or problem.denser(1, 2)) if can_double else None
+    factor = 2 if _samples_have_corners(evaluator) else 4
+    for harmonics in (2, 1) if can_double else (1,):
+        with suppress(ValueError):
+            return problem.denser(factor, harmonics)
+    return None
+
+
+def _resolution_error(problem: Any, X: Array, parameters: Mapping[str, float]) -> float:
+    """Return the rms distance of a motion from the one with more samples and harmonics; nan if it is unknown.
+
+    It is the Newton step at the same Omega if a second step with the same Jacobian is shorter (Deuflhard's natural
+    monotonicity test). Next to a fold it is not, because the other motion is far away or does not exist. Then Omega is
+    free, and the distance from the curve is returned; a change of Omega, relative to Omega, weighs as much as that of
+    the motion relative to its size.
+    """
+    refined = _finer(problem, parameters)
+    if refined is None:
+        return math.nan
+    start = refined.resized(X)
+    evaluation = refined.linearise(start, "Omega", **parameters)
+    weight = np.sqrt(np.where(np.arange(len(start)) % (len(start) // problem.m) == 0, 1.0, 0.5))
+    scale = np.append(1 / weight, parameters["Omega"] / (norm(weight * start) or 1.0))
+    try:
+        factors = Factors(evaluation.dR_dX)
+        step = factors.solve(-evaluation.R)
+        if np.isfinite(step).all():
+            second = factors.solve(-refined.linearise(start + step, "", **parameters).R)
+            if norm(weight * second) < norm(weight * step):
+                return norm(weight * step)
+        return norm(weight * shortest_step(evaluation, evaluation.R, scale)[:-1])
+    except np.linalg.LinAlgError:
+        return math.nan
+
+
+def largest_amplitudes(problem: Any, curve: Branch) -> Array:
+    """Return the largest amplitude of each order 1, 2, ... of Omega in any element and at any point of a curve.
+
+    Amplitudes of orders that are not unknowns of the problem, a `HarmonicBalance`, are the response to the truncated
+    force harmonics up to 2H.
+    """
+    motions = []
+    for i, x in enumerate(curve.X):
+        parameters = curve.parameters_at(i)
+        X = problem.from_layout(x, curve.layout)
+        motions.append(with_driven_harmonics(problem.compiled(parameters), X[None], np.array([parameters["Omega"]]))[0])
+    rows = np.array(motions).reshape(len(motions), problem.m, -1)
+    cosine, sine = (rows[..., 2 * problem.nu - offset :: 2 * problem.nu] for offset in (1, 0))
+    amplitudes: Array = np.hypot(cosine, sine).max(axis=(0, 1))
+    return amplitudes
