@@ -103,7 +103,7 @@ def certify(point: Point) -> Certificate:
     problem = problem.at_resolution_of(point)
     with flint.ctx.workprec(PRECISION):
         try:
-            equations = problem.compiled(dict(point.parameters)).contact_equations
+            equations = problem.compiled(point.parameters).contact_equations
         except NotPiecewiseLinear as error:
             raise NotCertifiedError("model", str(error)) from error
         data = coefficients_of(equations)
@@ -160,7 +160,7 @@ def _null_vector(equations: PointEquations, start: Start) -> Array:
 
 def _starts(problem: HarmonicBalance, point: Point, kind: str) -> Iterator[Start]:
     """Yield start values: the states of the curve in contact instants, then the switching times of the harmonics."""
-    equations = problem.compiled(dict(point.parameters)).contact_equations
+    equations = problem.compiled(point.parameters).contact_equations
     if isinstance(problem, ContactInstants):
         for state in problem.nearest_states(point.X, point.parameters):
             Omega = state.value if problem.known_parameter == "Omega" else point.parameters["Omega"]

@@ -209,6 +209,10 @@ class Segment:
         a, b = (length / norm(end.tangent / self.scale) * end.tangent for end in (self.a, self.b))
         return a, b
 
+    def parameters_at(self, value: float) -> dict[str, float]:
+        """Return all parameters, with a value of the continuation parameter."""
+        return {**self.parameters, self.name: value}
+
     def guess(self, s: float | Array) -> Array:
         """Return the Hermite interpolation of u at a fraction s, or at several fractions.
 

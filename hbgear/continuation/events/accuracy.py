@@ -270,7 +270,7 @@ def _by_equations(segment: Segment, event: LocatedEvent, problem: ContinuationPr
     In a problem that is not smooth, only folds at corners are solved in this way, with the corner of the point.
     """
     location = event.refined or RefinedLocation(segment.problem, event.point)
-    located, parameters = location.point, {**segment.parameters, segment.name: location.point.value}
+    located, parameters = location.point, segment.parameters_at(location.point.value)
     start = np.append(problem.resized(located.X), located.value)
     try:
         point = SpecialPoint(
@@ -355,7 +355,7 @@ def _fold_shift(segment: Segment, point: CurvePoint, finer: ContinuationProblem)
 
     with the slope t at the point and k = dt/ds of the segment.
     """
-    finer = finer.with_borders_at(finer.resized(point.X), {**segment.parameters, segment.name: point.value})
+    finer = finer.with_borders_at(finer.resized(point.X), segment.parameters_at(point.value))
     scale = rescaled(segment.scale, finer, len(finer.resized(point.X)))
     near_fold = resolve_at_resolution(point, finer, segment.name, segment.parameters, scale, segment.settings)
     begin, end = segment.slopes
@@ -366,7 +366,7 @@ def _fold_shift(segment: Segment, point: CurvePoint, finer: ContinuationProblem)
 def _segment_at_resolution(segment: Segment, finer: ContinuationProblem) -> Segment:
     """Return the segment with its ends solved at a higher resolution, with their monitored quantities."""
     scale = rescaled(segment.scale, finer, len(finer.resized(segment.a.X)))
-    finer = finer.with_borders_at(finer.resized(segment.a.X), {**segment.parameters, segment.name: segment.a.value})
+    finer = finer.with_borders_at(finer.resized(segment.a.X), segment.parameters_at(segment.a.value))
     a, b = (
         resolve_at_resolution(point, finer, segment.name, segment.parameters, scale, segment.settings)
         for point in (segment.a, segment.b)

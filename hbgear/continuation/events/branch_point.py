@@ -131,7 +131,7 @@ def _determinant(segment: Segment) -> Callable[[CurvePoint], float]:
     """Return the signed bordered determinant as a function of a point, relative to its size at the first point."""
 
     def logdet(point: CurvePoint) -> tuple[float, float]:
-        parameters = {**segment.parameters, segment.name: point.value}
+        parameters = segment.parameters_at(point.value)
         evaluation = linearise(segment.problem, point.X, segment.name, parameters)
         return slogdet(bordered(evaluation.dR_dX, evaluation.dR_dp, point.tangent / segment.scale**2))
 

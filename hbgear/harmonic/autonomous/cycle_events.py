@@ -60,7 +60,7 @@ class _CycleEvent(BuiltInEvent):
         def multipliers(point: CurvePoint) -> ComplexArray:
             mu: ComplexArray | None = point.observed.get("multipliers")
             if mu is None:
-                values = {**segment.parameters, segment.name: point.value}
+                values = segment.parameters_at(point.value)
                 mu = segment.problem.observe(point.X, True, **values)["multipliers"]
             return mu
 

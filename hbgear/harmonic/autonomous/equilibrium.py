@@ -148,7 +148,7 @@ class EquilibriumProblem(ContinuationProblem):
 
         N is 2n, less one for each coordinate with a damper and without mass, and two for one without both.
         """
-        evaluator = self.balance.compiled(dict(parameters))
+        evaluator = self.balance.compiled(parameters)
         s, n = evaluator.structure, evaluator.structure.n
         _, k, c = forces_at(evaluator, X, np.zeros(1))
         M, C, K = (np.asarray(dense(A)) for A in (s.M, s.C, s.K))

@@ -78,7 +78,7 @@ class _DampedBalance(ContinuationProblem):
 
     def __init__(self, problem: Any, fixed: Mapping[str, float]) -> None:
         self.problem, self.fixed = problem, fixed
-        compiled = problem.compiled(dict(fixed))
+        compiled = problem.compiled(fixed)
         positions = places(compiled.orders)
         rates = derivative(np.eye(2 * compiled.H + 1)).T[np.ix_(positions, positions)] / problem.nu
         self.dampers = np.kron(np.diag(compiled.structure.kr), rates)

@@ -36,7 +36,7 @@ def postprocess(problem: Any, branch: Branch, observed: Sequence[Mapping[str, An
     if branch.parameter == "Omega" and branch.status.complete and problem.pins is None:
         check_gaps(problem.clearance_names, np.array(clearances))
         check_sliders(problem.slider_names, np.array([entry["slip"] for entry in observed if "slip" in entry]))
-    evaluator = problem.compiled({k: v for k, v in branch.fixed.items() if k != "Omega"})
+    evaluator = problem.compiled(branch.fixed)
     return _with_stability_error(branch, evaluator)
 
 

@@ -473,7 +473,7 @@ class RealPairEvent(CodimensionTwoEvent):
 
         equations = ScalarConditionProblem(codimension_one, name, test)
         try:
-            solution = equations.located(u, {**segment.parameters, name: float(u[-1])})
+            solution = equations.located(u, segment.parameters_at(float(u[-1])))
         except (NoConvergence, np.linalg.LinAlgError, ValueError):
             return None
         root = solution.X

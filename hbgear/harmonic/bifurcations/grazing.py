@@ -112,7 +112,7 @@ class GrazingEvent(ThresholdEvent):
         problem: Any = segment.problem
         extended = GrazingProblem(problem, segment.name, nearest)
         try:
-            u = extended.located(segment.b.u, {**segment.parameters, segment.name: segment.b.value}).X
+            u = extended.located(segment.b.u, segment.parameters_at(segment.b.value)).X
         except (NoConvergence, np.linalg.LinAlgError):
             return None
         s = segment.fraction_of(u)

@@ -26,7 +26,7 @@ def multipliers_at(segment: Segment, point: CurvePoint) -> ComplexArray:
     stored: ComplexArray | None = point.observed.get("multipliers")
     if stored is not None:
         return stored
-    values = {**segment.parameters, segment.name: point.value}
+    values = segment.parameters_at(point.value)
     problem: Any = segment.problem  # a HarmonicBalance, whose events these are
     computed: ComplexArray = problem.multipliers(point.X, points=8, width=1.0, **values)
     return computed

@@ -329,7 +329,7 @@ class NeimarkSackerEvent(BuiltInEvent):
         problem: Any = segment.problem
         if not problem.smooth:
             return located
-        Omega = {**segment.parameters, segment.name: located.point.value}["Omega"]
+        Omega = segment.parameters_at(located.point.value)["Omega"]
         mu = multipliers_at(segment, located.point)
         exponent = exponent_of_pair(mu, problem.nu, Omega)
         if exponent is None:
@@ -450,7 +450,7 @@ def _at_doubling(segment: Segment, point: CurvePoint) -> CurvePoint:
         return point
     extended = PeriodDoublingProblem(problem.with_order(problem.nu // 2), segment.name)
     shorter = extended.doubled.resized(point.X)[extended.even]
-    values = {**segment.parameters, segment.name: point.value}
+    values = segment.parameters_at(point.value)
     extended = extended.with_borders_at(np.append(shorter, point.value), values)
     solution = refine(extended, solve(extended, np.append(shorter, point.value), values), values)
     value = float(solution.X[-1])

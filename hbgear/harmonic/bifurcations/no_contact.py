@@ -43,7 +43,7 @@ def pins_of(problem: Any, X: Array, parameters: Mapping[str, float]) -> Pins | N
     A computed motion may touch the edge of its gap by less than the tolerance of the residual: it is in an arbitrary
     position if it is a motion in the middle of the gap too.
     """
-    compiled = problem.compiled(dict(parameters))
+    compiled = problem.compiled(parameters)
     kr = float(compiled.structure.kr.max(initial=0.0))
     if not kr or problem.subharmonic_part(X).any():
         return None
@@ -85,7 +85,7 @@ class FirstContact(GrazingEvent):
         problem: Any = segment.problem
         for point in (segment.a, segment.b):
             if "clearance" not in point.observed:
-                parameters = {**segment.parameters, segment.name: point.value}
+                parameters = segment.parameters_at(point.value)
                 point.observed.setdefault("clearance", problem.clearance(point.X, **parameters))
         return super().find(segment)
 

@@ -189,7 +189,7 @@ class AmplitudePeakEvent(BuiltInEvent):
         """Return the peak by Newton's method from a fraction of the segment, if it stays on the segment."""
         peak, u = peak_of(segment.problem, segment.name, self.measure, self.element), segment.guess(s)
         try:
-            solution = on_curve(solve(peak, u, {**segment.parameters, segment.name: float(u[-1])}))
+            solution = on_curve(solve(peak, u, segment.parameters_at(float(u[-1]))))
         except NoConvergence:
             return None
         if norm((np.append(solution.X, solution.value) - u) / segment.scale) > 0.1 * segment.length:

@@ -220,7 +220,7 @@ class ThresholdEvent(BuiltInEvent):
         def test(point: CurvePoint) -> float:
             distances = point.observed.get(equations.quantity)
             if distances is None:
-                distances = equations.distances(point.X, {**segment.parameters, segment.name: point.value})
+                distances = equations.distances(point.X, segment.parameters_at(point.value))
             return float(distances[equations.which])
 
         with suppress(NoConvergence, np.linalg.LinAlgError):

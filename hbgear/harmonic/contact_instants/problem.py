@@ -176,8 +176,11 @@ class ContactInstants(HarmonicBalance):
 
     def _exact_iterate(self, X: Array, parameters: Mapping[str, float]) -> tuple[EquationsAt, Iterate]:
         """Return the equations at the parameters, and the contact instants of the exact motion near X."""
-        equations = self.compiled(dict(parameters)).contact_equations
-        return equations.at(float(parameters["Omega"])), self.exact_state(X, "Omega", parameters).iterate
+        return self._equations_at(parameters), self.exact_state(X, "Omega", parameters).iterate
+
+    def _equations_at(self, parameters: Mapping[str, float]) -> EquationsAt:
+        """Return the equations of the exact motion at the parameters."""
+        return self.compiled(parameters).contact_equations.at(float(parameters["Omega"]))
 
     def exact_state(self, X: Array, name: str, parameters: Mapping[str, float]) -> CurveState:
         """Return the exact motion near coefficients X as the state of a curve in a parameter.
@@ -185,8 +188,7 @@ class ContactInstants(HarmonicBalance):
         Newton's method starts from the nearest points of the branch of this problem, if it has one, whose short
         contacts are not visible in X; else from the switching times of X.
         """
-        equations = self.compiled(dict(parameters)).contact_equations
-        ode = equations.at(float(parameters["Omega"]))
+        ode = self._equations_at(parameters)
         for state in self.nearest_states(X, parameters):
             with suppress(NoConvergence, InconsistentPatternError):
                 iterate = solve(ode, state.iterate, False)[1]
@@ -245,7 +247,7 @@ class ContactInstants(HarmonicBalance):
         state = state_of(self, point)
         if state is None:
             return form.from_point(point)
-        ode = self.compiled(dict(point.parameters)).contact_equations.at(float(point.parameters["Omega"]))
+        ode = self._equations_at(point.parameters)
         visits = state.pattern.visits
         shortest = float(state.iterate.visit_durations(visits, ode.period).min()) if visits else math.inf
         if shortest * form.H < SHORTEST_RESOLVED_CONTACT * form.nu:
@@ -296,8 +298,7 @@ class ContactInstants(HarmonicBalance):
             return _stored(Equations(self.model_at(fixed).system(), self.nu).at, name)
 
         def equations_at(value: float) -> EquationsAt:
-            model = self.model_at({**fixed, name: value})
-            return Equations(model.system(), self.nu).at(float(fixed["Omega"]))
+            return Equations(self.model_at({**fixed, name: value}).system(), self.nu).at(float(fixed["Omega"]))
 
         return _stored(equations_at, name)
 
@@ -397,7 +398,7 @@ def _initial_state(problem: ContactInstants, name: str, parameters: Mapping[str,
     H = min(problem.H, _sufficient(START_HARMONICS, problem.model, problem.nu))
     if softer:
         balance = partial(HarmonicBalance, harmonics=H, nu=problem.nu, orders="all")
-        system, Omega = problem.compiled(dict(parameters)).system, float(parameters["Omega"])
+        system, Omega = problem.compiled(parameters).system, float(parameters["Omega"])
         return CurveState.of(iterate_by_stiffness(balance, system, problem.nu, Omega), float(parameters[name]))
     coarse = problem.with_order(problem.nu, H)
     return coarse.exact_state(coarse.balance.start(**parameters), name, parameters)

@@ -92,7 +92,6 @@ class Equations:
         self.system, self.nu, self.m, self.stiffness = system, nu, len(system.elements), stiffness
         self.breakpoints = tuple(element.law.breakpoints for element in system.elements)
         self._displacements: dict[int, Array] = {}
-        self._bounds: dict[tuple[int, ...], Array] = {}
         self._springs: dict[tuple[int, int], tuple[tuple[Phased, float, float], ...]] = {}
         self.constant_flows: dict[Contacts, Flow | None] = {}
         self.constant_matrices: dict[tuple[Contacts, ...], Array | None] = {}  # of flows at Omega = 1
@@ -179,12 +178,9 @@ class Equations:
 
     def bounds(self, levels: tuple[int, ...]) -> Array:
         """Return the breakpoints (m, 2) below and above each gap; -inf or inf without one."""
-        bounds = self._bounds.get(levels)
-        if bounds is None:
-            extended = [(-math.inf, *points, math.inf) for points in self.breakpoints]
-            pairs = [points[level : level + 2] for points, level in zip(extended, levels, strict=True)]
-            bounds = self._bounds[levels] = np.array(pairs, dtype=float)
-        return bounds
+        extended = [(-math.inf, *points, math.inf) for points in self.breakpoints]
+        pairs = [points[level : level + 2] for points, level in zip(extended, levels, strict=True)]
+        return np.array(pairs, dtype=float)
 
     def at(self, Omega: float) -> EquationsAt:
         """Return the equations at a frequency of the excitation."""

@@ -164,7 +164,7 @@ def _refine(problem: Any, X: Array, parameters: Mapping[str, float], free: bool)
 
 def _approximation(problem: Any, X: Array, parameters: Mapping[str, float]) -> tuple[Equations, Approximation]:
     """Return the equations, and the switching times and Fourier coefficients of a solution."""
-    compiled = problem.compiled(dict(parameters))
+    compiled = problem.compiled(parameters)
     values = {name: float(value) for name, value in parameters.items()}
     crossings = compiled.crossings(X)
     number = np.concatenate([np.arange(len(b)) for b in compiled.contact_equations.breakpoints]).astype(int)

@@ -26,7 +26,7 @@ def second_set(problem: Any, X: Array, name: str, values: Array, parameters: Map
     if problem.selection is None and problem.refined_problem is not None:
         X, Omega = corrected_motions(problem, X, point_parameters)
     if name == "Omega":
-        compiled = problem.compiled(dict(parameters))
+        compiled = problem.compiled(parameters)
         return floquet_multipliers(compiled, with_excited_harmonics(compiled, X, Omega), Omega)
     cases = zip([problem.compiled(p) for p in point_parameters], X[:, None], Omega[:, None], strict=True)
     return np.array(

@@ -63,6 +63,7 @@ class TorusBasis:
         if half is not None:
             keep &= ((k1 % 2 == 0) & (k2 % 2 == 0)) | ((k1 % 2 == half[0]) & (k2 % 2 == half[1]))
         self.k = np.stack([k1[keep], k2[keep]], axis=1)
+        self.positions = {tuple(k): i for i, k in enumerate(self.k.tolist())}
         highest = np.abs(self.k).max(axis=0).tolist()
         self.shape = tuple(int(scipy.fft.next_fast_len(dense * (_OVERSAMPLING * H + 2), real=True)) for H in highest)
         self._positions = self.k[:, 0] % self.shape[0], self.k[:, 1]
@@ -137,10 +138,9 @@ class TorusBasis:
 
     def convert(self, X: Array, source: TorusBasis) -> Array:
         """Return unknowns (..., 2K - 1) of this basis from unknowns of another one, cut or padded with zeros."""
-        positions = {tuple(k): i for i, k in enumerate(self.k.tolist())}
         c = source.to_complex(X)
         out = np.zeros((*X.shape[:-1], len(self.k)), dtype=complex)
-        for i, k in enumerate(source.k.tolist()):
-            if tuple(k) in positions:
-                out[..., positions[tuple(k)]] = c[..., i]
+        for k, i in source.positions.items():
+            if k in self.positions:
+                out[..., self.positions[k]] = c[..., i]
         return self.to_real(out)

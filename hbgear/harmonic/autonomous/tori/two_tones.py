@@ -247,29 +247,25 @@ class TwoToneProblem(TorusProblem):
         changes = {name: x for name, x in parameters.items() if name not in ("Omega", SECOND)}
         for j, element in enumerate(self._model.replace(**changes).system().elements):
             if self._second[j] and isinstance(element.displacement, Series):
-                out[:, j] = self._harmonics(element.displacement.cosine, element.displacement.sine)
+                series = element.displacement
+                out[:, j] = self._harmonics(dict(enumerate(series.cosine, 1)), dict(enumerate(series.sine, 1)))
         return out
 
-    def _harmonics(self, cosine: Any, sine: Any) -> ComplexArray:
-        """Return coefficients (K,) of a series of the second phase, given from its first harmonic on."""
-        out = np.zeros(len(self.basis.k), dtype=complex)
-        positions = {tuple(k): i for i, k in enumerate(self.basis.k.tolist())}
-        for factor, values in ((1.0, cosine), (-1j, sine)):
-            for order, value in enumerate(values, 1):
-                if (0, order * self.balance.nu) in positions:
-                    out[positions[0, order * self.balance.nu]] += factor * value
+    def _harmonics(self, cosine: Mapping[int, Any], sine: Mapping[int, Any], *shape: int) -> ComplexArray:
+        """Return coefficients (K, ...) of a function of the second phase from its harmonics by order."""
+        out = np.zeros((len(self.basis.k), *shape), dtype=complex)
+        for factor, table in ((1.0, cosine), (-1j, sine)):
+            for order, value in table.items():
+                position = self.basis.positions.get((0, order * self.balance.nu))
+                if position is not None:
+                    out[position] += factor * np.asarray(value)
         return out
 
     def _second_loads(self, parameters: Mapping[str, float]) -> ComplexArray:
         """Return the loads (K, n) of the second frequency, with the loads by prescribed displacements."""
         structure = self.evaluator_at(parameters).structure
-        out = np.zeros((len(self.basis.k), structure.n), dtype=complex)
-        positions = {tuple(k): i for i, k in enumerate(self.basis.k.tolist())}
         power = (self.balance.nu * parameters[SECOND]) ** self.load.power
-        for factor, table in ((1.0, self.load.cosine), (-1j, self.load.sine)):
-            for order, vector in table.items():
-                if (0, order * self.balance.nu) in positions:
-                    out[positions[0, order * self.balance.nu]] += factor * power * np.asarray(vector)
+        out = power * self._harmonics(self.load.cosine, self.load.sine, structure.n)
         w = self.basis.k[:, 1] * parameters[SECOND]
         e = self._displacements(parameters)
         out += ((structure.kr + 1j * w[:, None] * structure.c) * e) @ structure.W.T
