@@ -138,7 +138,10 @@ def _in_family(branch: BranchData) -> NDArray[np.bool_]:
     same = np.abs(np.diff(branch.values)) <= _SAME_VALUE * np.abs(branch.values[1:])
     is_vertical = np.append(same, False) | np.append(False, same)
     multipliers = np.zeros((len(branch), 0)) if branch.multipliers is None else branch.multipliers
-    return is_vertical & (np.abs(multipliers - 1.0).min(axis=1, initial=math.inf) < STABILITY_TOLERANCE)
+    in_family: NDArray[np.bool_] = is_vertical & (
+        np.abs(multipliers - 1.0).min(axis=1, initial=math.inf) < STABILITY_TOLERANCE
+    )
+    return in_family
 
 
 def _is_displaced_between(branch: BranchData, point: SpecialPoint, a: int, b: int) -> bool:
