@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
@@ -103,7 +103,8 @@ class JumpMap:
     status : Status
         Complete if all curves were traced to their ends.
     message : str
-        Reason of an early end, and advice; or sections of the range in which no response curve was found.
+        Reason of an early end, and advice; or sections of the range in which no response curve was found, and folds
+        on curves that were not traced.
     curves : tuple of Branch
         Response curves whose folds are the starts of the fold curves; `Branch.others` are further curves of the range.
     frequencies : tuple of float
@@ -203,7 +204,8 @@ class JumpMap:
 
         The number of motions changes by two at each jump, and by one where a curve grows without bound. These
         frequencies are interpolated between the response curves. An interval without an end extends to the end of the
-        range of Omega. Folds that go to infinity on curves that were not traced are left out.
+        range of Omega. Folds that go to infinity on curves that were not traced are left out. Where other folds lie on
+        such curves, the intervals may be wrong, and ``message`` reports it.
 
         Parameters
         ----------
@@ -448,7 +450,9 @@ class _MapSearch:
     def gap(self) -> str:
         """Return sentences on what is not in the map, or ""."""
         infinite = [_to_infinity(fold) for fold, _ in self.folds if fold.unbounded_ends]
-        texts = _without_curve(self.parameter, self.curves, self.frequencies), *self.unconverged, *infinite
+        arms = [arm for _, arms in self.folds for arm in arms]
+        untraced = _untraced_folds(self.parameter, self.curves, arms, self.frequencies)
+        texts = _without_curve(self.parameter, self.curves, self.frequencies), *self.unconverged, *infinite, untraced
         return "; ".join(filter(None, texts))
 
 
@@ -466,6 +470,26 @@ def _without_curve(parameter: str, curves: Mapping[float, Branch], frequencies: 
         if uncovered_intervals([curve, *curve.others], frequencies):
             gap = coverage_message(curve, curve.others, frequencies)
             return f"at {parameter} = {value:.5g} {gap}; jumps there are not in the map"
+    return ""
+
+
+def _untraced_folds(
+    parameter: str, curves: Mapping[float, Branch], arms: Sequence[Arm], frequencies: tuple[float, float]
+) -> str:
+    """Return a sentence on folds that belong to none of the response curves at a value of a parameter, or ""."""
+    for value, curve in curves.items():
+        known = [point.parameters["Omega"] for point in folds_of(curve)]
+        untraced = [
+            Omega for Omega in sorted(arm.at(value) for arm in arms)
+            if min(frequencies) <= Omega <= max(frequencies)
+            and not any(abs(Omega / other - 1) < SAME_SECTION_TOLERANCE for other in known)
+        ]  # fmt: skip
+        if untraced:
+            places = ", ".join(f"{Omega:.5g}" for Omega in untraced)
+            return (
+                f"folds at {parameter} = {value:.5g}, Omega = {places} lie on curves that were not traced, so that "
+                "regions of several motions may be wrong there"
+            )
     return ""
 
 
