@@ -164,6 +164,44 @@ def test_two_meshes_of_varying_stiffness_agree_with_time_integration():
     np.testing.assert_allclose(curve.problem.basis.evaluate(X, theta), states[:2], atol=1e-8)
 
 
+@pytest.mark.parametrize("harmonics", [(4, 4), (5, 5), (6, 6), (1, 9), (9, 1), (3, 8)])
+def test_the_stated_error_is_the_distance_from_the_motion_with_more_harmonics(harmonics):
+    """A symmetric law has no coefficients at even k1 + k2, which are the outermost ones of half of these bases."""
+    few, load = hb.StepControl(max_points=2), hb.Load(cosine={1: [0.1]})
+    found, fine = (
+        hb.analysis.two_tones(duffing(0.05, 1.0, 0.1), RATIO, (0.6, 0.7), load=load, harmonics=H, steps=few)
+        for H in (harmonics, (13, 13))
+    )
+    basis, rows = fine.problem.basis, found.problem.basis
+    difference = basis.to_complex(basis.convert(found.X[0][None], rows) - fine.X[0][None])
+    distance = np.sqrt(np.sum(np.where(basis.k.any(axis=1), 0.5, 1.0) * np.abs(difference) ** 2))
+    assert found.error[0] == pytest.approx(distance, rel=0.1) and distance > 1e-5
+    assert (found.relative_error > 1e-2) == any("relative error" in text for text in found.warnings)
+
+
+def test_errors_of_tori_have_the_unit_of_the_motion():
+    """The law is homogeneous of degree 3: a mass that moves k times as far has k times the error."""
+    few = hb.StepControl(max_points=2)
+    errors = []
+    for size in (1.0, 1e-6, 1e3):
+        load = hb.Load(cosine={1: [0.1 * size]})
+        curve = hb.analysis.two_tones(
+            duffing(0.05, 1 / size**2, 0.1 * size), RATIO, (0.6, 0.7), load=load, harmonics=(5, 5), steps=few
+        )
+        errors.append((curve.error[0] / size, curve.relative_error))
+    np.testing.assert_allclose(errors[1:], [errors[0], errors[0]], rtol=1e-6)
+
+
+def test_harmonics_of_the_second_excitation_that_are_left_out():
+    few, load = hb.StepControl(max_points=2), hb.Load(cosine={1: [0.1], 5: [0.3]})
+    with pytest.warns(hb.mechanics.ImplausibleInputWarning, match=r"has 5 harmonics, and H = \(5, 3\) leaves some"):
+        curve = hb.analysis.two_tones(
+            duffing(0.05, 0.0, 0.1), RATIO, (0.6, 0.7), load=load, harmonics=(5, 3), steps=few
+        )
+    w = 5 * curve.values[-1] * RATIO
+    assert curve.error[-1] == pytest.approx(0.3 / abs(1 - w**2 + 0.1j * w) / math.sqrt(2), rel=1e-9)
+
+
 def test_figures_of_tori_accept_the_curve():
     curve = hb.analysis.two_tones(
         duffing(0.05, 0.1, 0.1), RATIO, (0.5, 0.6), load=hb.Load(cosine={1: [0.1]}), harmonics=(4, 4)

@@ -24,7 +24,6 @@ from typing import Any
 import numpy as np
 
 from hbgear.common.arrays import Array
-from hbgear.continuation.curve.refinement import shortest_step
 from hbgear.continuation.numerics.linear import Factors, norm, solve_linear
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.solvers.newton import NoConvergence, solve
@@ -142,30 +141,38 @@ def _finer(problem: Any, parameters: Mapping[str, float]) -> Any:
 
 
 def _resolution_error(problem: Any, X: Array, parameters: Mapping[str, float]) -> float:
-    """Return the rms distance of a motion from the one with more samples and harmonics; nan if it is unknown.
+    """Return the rms distance of a motion from the one with more samples and harmonics; nan if it is unknown."""
+    refined = _finer(problem, parameters)
+    if refined is None:
+        return math.nan
+    start = refined.resized(X)
+    weight = np.sqrt(np.where(np.arange(len(start)) % (len(start) // problem.m) == 0, 1.0, 0.5))
+    return distance_to_solution(refined, start, weight, parameters)
+
+
+def distance_to_solution(problem: Any, start: Array, weight: Array, parameters: Mapping[str, float]) -> float:
+    """Return the distance of unknowns (n,), with weights (n,), from a solution of a problem; nan if it is unknown.
 
     It is the Newton step at the same Omega if a second step with the same Jacobian is shorter (Deuflhard's natural
     monotonicity test). Next to a fold it is not, because the other motion is far away or does not exist. Then Omega is
     free, and the distance from the curve is returned; a change of Omega, relative to Omega, weighs as much as that of
     the motion relative to its size.
     """
-    refined = _finer(problem, parameters)
-    if refined is None:
-        return math.nan
-    start = refined.resized(X)
-    evaluation = refined.linearise(start, "Omega", **parameters)
-    weight = np.sqrt(np.where(np.arange(len(start)) % (len(start) // problem.m) == 0, 1.0, 0.5))
-    scale = np.append(1 / weight, parameters["Omega"] / (norm(weight * start) or 1.0))
+    R, J, slope, _ = problem.linearise(start, "Omega", **parameters)
     try:
-        factors = Factors(evaluation.dR_dX)
-        step = factors.solve(-evaluation.R)
-        if np.isfinite(step).all():
-            second = factors.solve(-refined.linearise(start + step, "", **parameters).R)
-            if norm(weight * second) < norm(weight * step):
-                return norm(weight * step)
-        return norm(weight * shortest_step(evaluation, evaluation.R, scale)[:-1])
+        factors = Factors(J)
+        step, tangent = factors.solve(np.column_stack([-R, -slope])).T
+        if not np.isfinite(step).all():
+            return math.nan
+        second = factors.solve(-problem.linearise(start + step, "", **parameters).R)
     except np.linalg.LinAlgError:
         return math.nan
+    weighted_step = weight * step
+    if norm(weight * second) <= norm(weighted_step):
+        return norm(weighted_step)
+    direction, size = weight * tangent, norm(weight * start)
+    change = -(weighted_step @ direction) / (direction @ direction + (size / parameters["Omega"]) ** 2)
+    return norm(weighted_step + change * direction)
 
 
 def largest_amplitudes(problem: Any, curve: Branch) -> Array:

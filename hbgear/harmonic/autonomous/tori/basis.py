@@ -19,8 +19,10 @@ _OVERSAMPLING = 4
 _INDEX_ROUNDING = 1e-12
 """Rounding of the distance of an index [-]."""
 
-_INNER_FRACTION = 0.9
-"""Distance from the origin over the largest one, in the diamond [-], from which an index is one of the outermost."""
+_OUTER_SHARE = 0.1
+"""Share of the largest distance from the origin [-] within which an index is one of the outermost.
+
+It is at least one step of the coarser phase: coefficients of symmetric laws are zero at every other step."""
 
 
 class TorusBasis:
@@ -80,9 +82,21 @@ class TorusBasis:
 
     @property
     def outermost(self) -> np.ndarray:
-        """Whether an index (K,) lies in the outermost tenth of the diamond or the band."""
+        """Whether an index (K,) lies in the outermost tenth of the diamond or the band, or the last two steps."""
         distance = self._distance(self.k[:, 0], self.k[:, 1])
-        return np.asarray(distance > _INNER_FRACTION * distance[self.k[:, 1] > 0].max())
+        share = max(_OUTER_SHARE, (1 if self.half is None else 2) / min(self.H1, self.H2))
+        return np.asarray(distance >= (1 - share) * distance[self.k[:, 1] > 0].max() - _INDEX_ROUNDING)
+
+    def rms(self, c: ComplexArray) -> float:
+        """Return the root mean square of functions with coefficients (..., K), added over all of them."""
+        weight = np.where(self.k.any(axis=1), 0.5, 1.0)
+        return float(np.sqrt(np.sum(weight * np.abs(c) ** 2)))
+
+    def finer(self) -> TorusBasis:
+        """Return the basis with twice the harmonics, at least two more."""
+        band = None if self.band is None else 2 * self.band
+        H1, H2 = (max(2 * H, H + 2 * (1 if self.half is None else 2)) for H in (self.H1, self.H2))
+        return TorusBasis(H1, H2, self.odd, self.dense, band, self.ratio, self.half)
 
     @property
     def width(self) -> int:

@@ -120,10 +120,19 @@ class TorusLayout:
             return None
 
     def spectrum_end(self, X: Array) -> float:
-        """Return the norm of the outermost tenth of the diamond of coefficients over the norm of the modulation."""
+        """Return the norm of the outermost coefficients of both phases over the norm of the modulation.
+
+        Those of one phase are not counted, because they may be harmonics of an excitation.
+        """
         moving, c = self.basis.k[:, 1] > 0, self.basis.to_complex(X.reshape(len(self.elements), -1))
+        mixed = moving & (self.basis.k[:, 0] != 0)
         total = float(np.linalg.norm(c[:, moving]))
-        return float(np.linalg.norm(c[:, moving & self.basis.outermost])) / max(total, 1e-300)
+        return float(np.linalg.norm(c[:, mixed & self.basis.outermost])) / max(total, 1e-300)
+
+    def outermost_rms(self, X: Array) -> float:
+        """Return the rms of the outermost coefficients of all elements, a coarse estimate of the error of a motion."""
+        c = self.basis.to_complex(X.reshape(len(self.elements), -1))
+        return self.basis.rms(np.where(self.basis.outermost, c, 0.0))
 
 
 _basis = lru_cache(maxsize=8)(TorusBasis)

@@ -31,6 +31,7 @@ from hbgear.continuation.problem.finite_differences import parameter_derivatives
 from hbgear.continuation.results.branch import Branch
 from hbgear.harmonic.autonomous.tori.basis import TorusBasis
 from hbgear.harmonic.autonomous.tori.ends import TorusMergeEvent, locking_remark, smoothness_event
+from hbgear.harmonic.autonomous.tori.errors import check_errors
 from hbgear.harmonic.autonomous.tori.layout import SECOND, TorusLayout
 from hbgear.harmonic.autonomous.tori.stability import growth_of, stability_remark
 from hbgear.harmonic.equations.evaluator import Evaluator
@@ -202,7 +203,7 @@ class TorusProblem(ContinuationProblem):
         slopes = np.array([basis.product(s) for s in forces.stiffness])
         rates = None if forces.damping is None else np.array([basis.product(s) for s in forces.damping])
         if rates is not None:
-            slopes = slopes + np.array([self._after_derivative(matrix, w) for matrix in rates])
+            slopes = slopes + np.array([_after_derivative(matrix, w) for matrix in rates])
         slopes[:, np.arange(basis.width), np.arange(basis.width)] -= kr[:, None]
         A = np.zeros((n + 1, n + 1))
         A[:n, :n] = _applied(G, slopes, len(basis.k)).reshape(n, n)
@@ -232,13 +233,6 @@ class TorusProblem(ContinuationProblem):
             force = basis.to_complex(np.einsum("jab,jb->ja", rates, derivative))
             out += basis.to_real(np.einsum("kij,jk->ik", G, force))
         return out.ravel()
-
-    def _after_derivative(self, product: Array, w: Array) -> Array:
-        """Return a matrix times the derivative in time."""
-        K, out = len(self.basis.k), np.zeros_like(product)
-        out[:, 1:K] = -product[:, K:] * w[1:]
-        out[:, K:] = product[:, 1:K] * w[1:]
-        return out
 
     def forces(self, evaluator: Evaluator, c: ComplexArray, w: Array) -> _Forces:
         """Return forces and slopes of the laws at a motion with coefficients (m, K) and frequencies (K,)."""
@@ -302,17 +296,23 @@ class TorusProblem(ContinuationProblem):
         return self.balance.model
 
     def observe(self, X: Array, stability: bool = True, **parameters: float) -> dict[str, Any]:
-        """Return the regime, the size of the outermost coefficients, which estimates the error, and the stability.
+        """Return the regime, the rms of the outermost coefficients as a coarse error, and the stability.
 
         The only multiplier is the factor by which disturbances grow in a period 2 pi nu / Omega.
         """
-        out = {"regime": np.zeros(self.balance.m, dtype=np.int8), "error": self.layout.spectrum_end(X[:-1])}
+        out = {"regime": np.zeros(self.balance.m, dtype=np.int8), "error": self.layout.outermost_rms(X[:-1])}
         if not stability:
             return out
         growth = growth_of(self, X, parameters)
         factor = math.exp(min(growth.rate, _LARGEST_LOGARITHM))
         error = factor * math.expm1(min(growth.error, _LARGEST_LOGARITHM))
         return out | {"multipliers": np.array([factor + 0j]), "modulus_error": error}
+
+    def check_errors(
+        self, X: Array, name: str, values: Array, observed: Sequence[dict[str, Any]], parameters: Mapping[str, float]
+    ) -> None:
+        """Replace errors by Newton steps with twice the harmonics; see `hbgear.harmonic.autonomous.tori.errors`."""
+        check_errors(self, X, name, values, observed, parameters)
 
     def motion(self, X: Array, **parameters: float) -> ComplexArray:
         """Return the coefficients (n, K) of all coordinates of a motion X (n,), with Omega and Omega_2 given."""
@@ -349,6 +349,14 @@ class TorusProblem(ContinuationProblem):
                 "dense": self.basis.dense,
             },
         }
+
+
+def _after_derivative(product: Array, w: Array) -> Array:
+    """Return a matrix (2K - 1, 2K - 1) times the derivative in time, for frequencies w (K,)."""
+    K, out = len(w), np.zeros_like(product)
+    out[:, 1:K] = -product[:, K:] * w[1:]
+    out[:, K:] = product[:, 1:K] * w[1:]
+    return out
 
 
 def _applied(G: ComplexArray, slopes: Array, K: int) -> Array:

@@ -66,7 +66,7 @@ class Growth(NamedTuple):
     error : float
         Its estimated error: the change with other steps, motions and averages, and without the outermost harmonics,
         and the relative error of the torus. The latter is the largest one of the neutral disturbance after a period,
-        or, with two prescribed frequencies, the size of the outermost harmonics relative to the modulation.
+        or, with two prescribed frequencies, the size of the outermost harmonics relative to the alternating part.
     reason : str
         Reason why it is unknown; else empty.
 
@@ -107,7 +107,7 @@ def growth_of(problem: Any, X: Array, parameters: Mapping[str, float]) -> Growth
         steps *= 2
         flow = _Flow(problem, X, parameters, steps)
         fine = _rate(flow)
-        torus_error = problem.layout.spectrum_end(X[:-1]) if flow.neutral is None else flow.neutral_error()
+        torus_error = _relative_error(problem, X) if flow.neutral is None else flow.neutral_error()
         error = fine[1] + abs(fine[0] - coarse[0]) + torus_error
         if error - torus_error <= max(_SUFFICIENT * abs(fine[0]), torus_error) or steps >= _FINEST:
             return Growth(fine[0], error, "")
@@ -140,8 +140,15 @@ def obstacle(problem: Any, parameters: Mapping[str, float]) -> str:
     return ""
 
 
+def _relative_error(problem: Any, X: Array) -> float:
+    """Return the size of the outermost coefficients, relative to the alternating part of the motion."""
+    c, basis = problem.basis.to_complex(X[:-1].reshape(problem.balance.m, -1)), problem.basis
+    size = basis.rms(np.where(basis.k.any(axis=1), c, 0.0))
+    return float(problem.layout.outermost_rms(X[:-1]) / max(size, 1e-300))
+
+
 def _without_outermost(problem: Any, X: Array) -> Array:
-    """Return the unknowns without the outermost tenth of the diamond of coefficients."""
+    """Return the unknowns without the outermost coefficients."""
     basis = problem.basis
     c = basis.to_complex(X[:-1].reshape(problem.balance.m, -1))
     return np.append(basis.to_real(np.where(basis.outermost, 0.0, c)).ravel(), X[-1])

@@ -37,6 +37,7 @@ from hbgear.harmonic.equations.evaluator import Evaluator
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.harmonic.structure.derived_model import DerivedModel
 from hbgear.mechanics.models import Element, Load, Model, System
+from hbgear.mechanics.plausibility import warn
 from hbgear.mechanics.serialization import to_plain
 from hbgear.mechanics.series.fourier import Series, to_complex
 
@@ -146,6 +147,18 @@ class TwoToneProblem(TorusProblem):
         balance = HarmonicBalance(first, max(lower[0], nu), nu=nu)
         scaled = None if band is None else nu * band
         super().__init__(balance, TorusBasis(*harmonics, False, dense, scaled, float(ratio), half))
+        self._warn_of_truncated_excitation(system)
+
+    def _warn_of_truncated_excitation(self, system: System) -> None:
+        """Warn if harmonics of the second excitation are not among the unknowns."""
+        series = [element.displacement for element in system.elements if element.name in self.elements]
+        highest = max([self.load.order, *(displacement.order for displacement in series)])
+        if [0, highest * self.balance.nu] not in self.basis.k.tolist():
+            warn(
+                f"the second excitation has {highest} harmonics, and {self.resolution} leaves some of them out; the "
+                "response to those up to twice as many harmonics is a part of the stated errors, and the others are "
+                "left out: give more harmonics"
+            )
 
     def fit(self, t: Array, d: Array, Omega: float) -> Array:
         """Return unknowns from the displacements of the elements of a settled motion, as a start of `trace`.

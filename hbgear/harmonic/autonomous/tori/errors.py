@@ -1,0 +1,75 @@
+"""Errors of tori: a Newton step with twice the harmonics of both phases, and of the excitation.
+
+    delta X = -J_fine^-1 R_fine(X)
+
+Truncated harmonics change the forces and so act back on the kept ones. The outermost coefficients do not contain this
+effect, and are zero for many laws with symmetries. They are the estimate where twice the harmonics are too many.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from hbgear.common.arrays import Array
+from hbgear.harmonic.balance.resolution import MAX_CHECKED_UNKNOWNS, distance_to_solution
+
+_CHECK_INTERVAL = 4
+"""Points per check [-], which costs about as much as a point. Between them the ratio of both is interpolated."""
+
+
+def check_errors(
+    problem: Any, X: Array, name: str, values: Array, observed: Sequence[dict[str, Any]],
+    parameters: Mapping[str, float],
+) -> None:  # fmt: skip
+    """Replace ``"error"``, the size of the outermost coefficients, by the Newton step with twice the harmonics.
+
+    Parameters
+    ----------
+    problem : TorusProblem
+        Problem of the tori.
+    X : ndarray, shape (P, n + 1)
+        Coefficients and second frequencies.
+    name : str
+        Parameter of the branch.
+    values : ndarray, shape (P,)
+        Its values.
+    observed : sequence of dict
+        Observed quantities of each torus.
+    parameters : mapping of str to float
+        The other parameters.
+    """
+    finer = finer_problem(problem)
+    if finer is None or not len(X):
+        return
+    subset = np.arange(len(X))[min(_CHECK_INTERVAL // 2, len(X) - 1) :: _CHECK_INTERVAL]
+    sizes = np.array([max(entry["error"], 1e-300) for entry in observed])
+    errors = [resolution_error(problem, finer, X[i], {**parameters, name: float(values[i])}) for i in subset]
+    ratios = np.array(errors) / sizes[subset]
+    known = np.isfinite(ratios)
+    if known.any():
+        for i, entry in enumerate(observed):
+            entry["error"] = float(sizes[i] * np.interp(i, subset[known], ratios[known]))
+
+
+def finer_problem(problem: Any) -> Any:
+    """Return the problem with twice the harmonics of both phases and of the excitation; None if they are too many."""
+    if 4 * problem.balance.m * problem.basis.width > 2 * MAX_CHECKED_UNKNOWNS:
+        return None
+    out = copy.copy(problem)
+    out.basis = problem.basis.finer()
+    out._phase = np.zeros(out.balance.m * out.basis.width)
+    out.balance = problem.balance.with_order(problem.balance.nu, max(problem.balance.H, out.basis.H1))
+    return out
+
+
+def resolution_error(problem: Any, finer: Any, X: Array, parameters: Mapping[str, float]) -> float:
+    """Return the rms distance of a torus X (n + 1,) from the one with more harmonics; nan if it is unknown."""
+    rows = X[:-1].reshape(problem.balance.m, -1)
+    start = np.append(finer.basis.convert(rows, problem.basis).ravel(), X[-1])
+    weight = np.where(finer.basis.k.any(axis=1), np.sqrt(0.5), 1.0)
+    weights = np.append(np.tile(np.concatenate([weight, weight[1:]]), len(rows)), 0.0)
+    return distance_to_solution(finer.with_borders_at(start, parameters, renew=True), start, weights, parameters)
