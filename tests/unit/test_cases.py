@@ -560,10 +560,10 @@ def test_a_study_killed_before_its_first_file_was_there_goes_on(run, tmp_path):
 def test_a_folder_that_cannot_be_written_is_refused_before_the_work(run, tmp_path, monkeypatch):
     found = run(grid(zeta=[0.5]))
 
-    def full(**_):
+    def full(path):
         raise OSError(errno.EROFS, "Read-only file system")
 
-    monkeypatch.setattr("hbgear.design.studies.store.TemporaryFile", full)
+    monkeypatch.setattr("hbgear.design.studies.store.check_writable", full)
     monkeypatch.setattr("hbgear.design.studies.case_work.run_case", None)
     assert np.array_equal(run(grid(zeta=[0.5])).table["peak"], found.table["peak"])  # nothing to write
     with pytest.raises(OSError, match="Read-only"):
@@ -660,3 +660,20 @@ def test_all_curves_of_the_span_are_results_of_a_case(tmp_path):
 def count_stable(branch, Omega):
     """Return the number of stable motions of a branch at a value of Omega."""
     return sum(bool(branch.stable[one.index]) for one in crossings_at(branch, Omega))
+
+
+@pytest.mark.slow
+def test_a_full_disk_ends_a_study_before_the_first_case(tmp_path):
+    """Files of more than 2 KB cannot be written: processes would compile kernels that cannot be stored, for minutes."""
+    resource = pytest.importorskip("resource")  # POSIX
+    script = tmp_path / "study.py"
+    script.write_text(
+        "import resource\nimport hbgear as hb\nif __name__ == '__main__':\n"
+        f"    resource.setrlimit(resource.RLIMIT_FSIZE, (2048, {resource.RLIM_INFINITY}))\n"
+        "    two = hb.design.grid(zeta=[0.05, 0.06])\n"
+        "    hb.design.cases(hb.Duffing(), two, harmonics=1, span=(0.9, 1.4), store='cases')\n"
+    )
+    run = subprocess.run(
+        [sys.executable, "-B", script], cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False
+    )
+    assert run.returncode == 1 and "file too large; give another place" in run.stderr

@@ -18,14 +18,13 @@ import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from tempfile import TemporaryFile
 from typing import Any
 
 import numpy as np
 
 from hbgear._version import __version__
 from hbgear.common.arrays import Array
-from hbgear.common.atomic_write import atomic_write
+from hbgear.common.atomic_write import atomic_write, check_writable
 from hbgear.common.text.messages import quoted
 from hbgear.io.branches.archive import archive_of
 
@@ -115,11 +114,10 @@ class Store:
         )
 
     def check_writable(self) -> None:
-        """Raise OSError if cases cannot be stored; called before the computation."""
+        """Raise OSError if cases cannot be stored, as on a full disk; called before the computation."""
         folder = self.folder / "cases"
         folder.mkdir(exist_ok=True)
-        with TemporaryFile(dir=folder):
-            pass
+        check_writable(folder / "case.npz")
 
     def path(self, key: str) -> Path:
         """Return the path of the file of a case."""
