@@ -39,7 +39,16 @@ from hbgear.gears.pairs.drawn_pair import DrawnPair
 from hbgear.gears.pairs.pair_models import DAMPING
 from hbgear.gears.pairs.support import Support
 from hbgear.gears.torque_orders import TorqueOrders, effective_torque, torque_orders
-from hbgear.io.machines.toml_file import KeyPath, TomlFileError, bare, checked, constructed, exactly, form, located
+from hbgear.io.machines.toml_file import (
+    KeyPath,
+    Problems,
+    TomlFileError,
+    bare,
+    constructed,
+    exactly,
+    form,
+    read_checked,
+)
 from hbgear.io.tables.mesh_table import read_mesh_table
 
 _SHARED = ("module", "face_width", "pressure_angle", "addendum", "dedendum", "fillet_radius", "E", "poisson", "density")
@@ -143,12 +152,12 @@ def read_machine(path: str | os.PathLike[str]) -> Machine:
     >>> machine.torque, machine.pair.wheel.teeth
     (200.0, 40)
     """
-    text, data = checked(path, "a machine", MachineFileError, _schema())
-    problems: list[tuple[KeyPath, str]] = []
-    machine = _Reader(problems, Path(path).parent).machine(data)
-    if machine is None:
-        raise MachineFileError(located(path, text, problems))
+    machine: Machine = read_checked(path, "a machine", MachineFileError, _schema(), _machine)
     return machine
+
+
+def _machine(data: Mapping[str, Any], folder: Path, problems: Problems) -> Machine | None:
+    return _Reader(problems, folder).machine(data)
 
 
 @defer_signals()  # pydantic panics on Ctrl-C while it creates a model
@@ -190,7 +199,7 @@ TORQUE_ORDERS = dict[str, str | float | list[str | float]]
 class _Reader:
     """Makes objects from checked tables, and records refused values with their keys."""
 
-    def __init__(self, problems: list[tuple[KeyPath, str]], folder: Path) -> None:
+    def __init__(self, problems: Problems, folder: Path) -> None:
         self.problems, self.folder = problems, folder
 
     def machine(self, data: Mapping[str, Any]) -> Machine | None:

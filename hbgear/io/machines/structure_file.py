@@ -35,7 +35,7 @@ import numpy as np
 from hbgear.common.arrays import Array
 from hbgear.common.process.signals import defer_signals
 from hbgear.common.text.messages import did_you_mean, quoted
-from hbgear.io.machines.toml_file import KeyPath, TomlFileError, checked, exactly, located, parsed
+from hbgear.io.machines.toml_file import KeyPath, Problems, TomlFileError, exactly, parsed, read_checked
 from hbgear.io.matrices import NAMES, Matrices, from_matrices
 from hbgear.io.receptance_files import from_receptances
 from hbgear.mechanics.function_model import SystemOfLaws
@@ -44,8 +44,6 @@ from hbgear.mechanics.laws.vector_laws import VectorLaw
 from hbgear.mechanics.models import Element, Load, System, VectorElement
 from hbgear.mechanics.series.fourier import Series
 from hbgear.mechanics.structures.receptances import Receptances
-
-Problems = list[tuple[KeyPath, str]]
 
 
 class StructureFileError(TomlFileError):
@@ -98,11 +96,7 @@ def read_structure(path: str | os.PathLike[str]) -> System:
     >>> system.n, len(system.elements)
     (2, 1)
     """
-    text, data = checked(path, "a structure", StructureFileError, _schema())
-    problems: Problems = []
-    system = _system(data, Path(path).parent, problems)
-    if system is None:
-        raise StructureFileError(located(path, text, problems))
+    system: System = read_checked(path, "a structure", StructureFileError, _schema(), _system)
     return system
 
 

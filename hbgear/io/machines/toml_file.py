@@ -8,6 +8,7 @@ import tomllib
 import typing
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import fields
+from pathlib import Path
 from typing import Any
 
 from hbgear.common.text.decoding import text_of_file
@@ -17,6 +18,9 @@ from hbgear.io.branches.archive import too_deep
 
 KeyPath = tuple[str | int, ...]
 """Position in a file: keys and indices of entries, from the outside in."""
+
+Problems = list[tuple[KeyPath, str]]
+"""Errors of a file, each with its position."""
 
 
 class TomlFileError(ValueError):
@@ -76,10 +80,33 @@ def _nested(text: str) -> str:
     return f"a value in it is nested too deeply (at line {opened.index(max(opened)) + 1})"
 
 
-def checked(
-    path: str | os.PathLike[str], expected: str, error_class: type[TomlFileError], schema: Any
-) -> tuple[str, dict[str, Any]]:
-    """Return the text of a file and its content, validated by a pydantic model.
+def read_checked(
+    path: str | os.PathLike[str],
+    expected: str,
+    error_class: type[TomlFileError],
+    schema: Any,
+    create: Callable[[dict[str, Any], Path, Problems], object],
+) -> Any:
+    """Return the object that a file describes.
+
+    Parameters
+    ----------
+    path : str or path-like
+        Path of the file.
+    expected : str
+        Expected content, for errors: "a train".
+    error_class : type
+        Class of the error.
+    schema : pydantic model
+        Keys and types of the file.
+    create : callable
+        ``create(data, folder, problems)`` returns the object of valid data, or appends to the list of problems and
+        returns None. Other files are searched relative to the folder.
+
+    Returns
+    -------
+    object
+        The object.
 
     Raises
     ------
@@ -89,12 +116,16 @@ def checked(
     import pydantic
 
     text, data = parsed(path, expected, error_class)
+    problems: Problems = []
     try:
-        return text, schema.model_validate(data).model_dump(exclude_unset=True)
+        valid = schema.model_validate(data).model_dump(exclude_unset=True)
     except pydantic.ValidationError as error:
-        raise error_class(
-            located(path, text, [location_and_text(schema, details) for details in error.errors()])
-        ) from None
+        problems = [location_and_text(schema, details) for details in error.errors()]
+    else:
+        content = create(valid, Path(path).parent, problems)
+        if content is not None:
+            return content
+    raise error_class(located(path, text, problems))
 
 
 def located(path: str | os.PathLike[str], text: str, problems: Sequence[tuple[KeyPath, str]]) -> list[str]:
@@ -208,7 +239,7 @@ def form(
 
 
 def constructed(
-    problems: list[tuple[KeyPath, str]], key_path: KeyPath, cls: type, values: Mapping[str, Any],
+    problems: Problems, key_path: KeyPath, cls: type, values: Mapping[str, Any],
     make: Callable[..., Any] | None = None,
 ) -> Any:  # fmt: skip
     """Return an instance by ``cls(**values)``, or by ``make``; None if a value is refused, which is added to problems.

@@ -57,14 +57,14 @@ from hbgear.gears.trains.train import Train
 from hbgear.gears.trains.train_components import Bearing, Mesh, Shaft, Wheel
 from hbgear.io.machines.toml_file import (
     KeyPath,
+    Problems,
     TomlFileError,
     bare,
-    checked,
     constructed,
     exactly,
     form,
-    located,
     parsed,
+    read_checked,
 )
 from hbgear.io.matrices import from_matrices
 from hbgear.mechanics.structures.speed_terms import MatrixTable
@@ -108,11 +108,7 @@ def read_train(path: str | os.PathLike[str]) -> Train | EpicyclicSet:
     TrainFileError
         If the file cannot be read, a key, type, unit or value is wrong, or the gears cannot be made or do not mesh.
     """
-    text, data = checked(path, "a train", TrainFileError, _schema())
-    problems: list[tuple[KeyPath, str]] = []
-    train = _train(data, Path(path).parent, problems)
-    if train is None:
-        raise TrainFileError(located(path, text, problems))
+    train: Train | EpicyclicSet = read_checked(path, "a train", TrainFileError, _schema(), _train)
     return train
 
 
@@ -164,7 +160,7 @@ _FUNCTIONS = ("stiffness", "error", "contacts")
 """Fields of a mesh that a file cannot hold."""
 
 
-def _train(data: Mapping[str, Any], folder: Path, problems: list[tuple[KeyPath, str]]) -> Train | EpicyclicSet | None:
+def _train(data: Mapping[str, Any], folder: Path, problems: Problems) -> Train | EpicyclicSet | None:
     """Return the train or epicyclic set; None if a value was refused."""
     gears: dict[str, Gear] = {}
     wheels = [_wheel(("wheel", i), table, gears, problems) for i, table in enumerate(data["wheel"])]
@@ -210,7 +206,7 @@ _QUANTITIES = {"torque": "N m", "carrier_inertia": "kg m^2"}
 
 
 def _epicyclic(
-    data: Mapping[str, Any], wheels: list[Wheel | None], meshes: list[Mesh | None], problems: list[tuple[KeyPath, str]]
+    data: Mapping[str, Any], wheels: list[Wheel | None], meshes: list[Mesh | None], problems: Problems
 ) -> EpicyclicSet | None:
     """Return the epicyclic set; None if a value was refused."""
     fields = dict(data["epicyclic"])
@@ -227,9 +223,7 @@ def _epicyclic(
     return constructed(problems, ("epicyclic",), EpicyclicSet, {"wheels": wheels, "meshes": meshes, **fields})  # type: ignore[no-any-return]
 
 
-def _wheel(
-    key_path: KeyPath, table: Mapping[str, Any], gears: dict[str, Gear], problems: list[tuple[KeyPath, str]]
-) -> Wheel | None:
+def _wheel(key_path: KeyPath, table: Mapping[str, Any], gears: dict[str, Gear], problems: Problems) -> Wheel | None:
     """Return a wheel given by its fields, or by its gear, which is stored by the name of the wheel."""
     fields = {name: value for name, value in table.items() if name != "gear"}
     if "gear" not in table:
@@ -244,7 +238,7 @@ def _wheel(
     return constructed(problems, key_path, Wheel, fields, lambda **values: Wheel.of(gear=gear, **values))  # type: ignore[no-any-return]
 
 
-def _bearing(key_path: KeyPath, table: Mapping[str, Any], problems: list[tuple[KeyPath, str]]) -> Bearing | None:
+def _bearing(key_path: KeyPath, table: Mapping[str, Any], problems: Problems) -> Bearing | None:
     """Return a bearing with its tables over the wheel speed."""
     fields = dict(table)
     for name in _TABLES:
@@ -258,7 +252,7 @@ def _bearing(key_path: KeyPath, table: Mapping[str, Any], problems: list[tuple[K
     return constructed(problems, key_path, Bearing, fields)  # type: ignore[no-any-return]
 
 
-def _housing(table: Mapping[str, Any], folder: Path, problems: list[tuple[KeyPath, str]]) -> Housing | None:
+def _housing(table: Mapping[str, Any], folder: Path, problems: Problems) -> Housing | None:
     """Return the housing with its matrices from files or rows of numbers."""
     try:
         sources = {name: folder / table[name] if isinstance(table[name], str) else table[name]
@@ -274,9 +268,7 @@ _OF_PAIR = ("mesh_model", "friction")
 """Keys of a mesh that is computed from a pair of gears."""
 
 
-def _mesh(
-    key_path: KeyPath, table: Mapping[str, Any], gears: Mapping[str, Gear], problems: list[tuple[KeyPath, str]]
-) -> Mesh | None:
+def _mesh(key_path: KeyPath, table: Mapping[str, Any], gears: Mapping[str, Gear], problems: Problems) -> Mesh | None:
     """Return a mesh given by its fields, or by a pair of two of the gears under a torque."""
     fields = {name: value for name, value in table.items() if name not in ("pair", "torque", *_OF_PAIR)}
     if "pair" not in table and "torque" not in table:
