@@ -18,7 +18,6 @@ from typing import Annotated, Any
 
 import typer
 from typer.core import TyperGroup
-from typer.models import CommandInfo
 
 import hbgear as hb
 from hbgear.cli.commands import certify, curves, design, fit, gear, models, motions, pages, rotors, study, time
@@ -47,13 +46,20 @@ OPTION_ALIASES = {
 """Options of version 0.2 that still work, without an entry in the help, by command."""
 
 
-COMMAND_GROUPS = {
-    "Gears and models": ("gear", "speed", "models"),
-    "Response curves": ("trace", "plot", "jumps", "info", "results", "extend", "report", "explore"),
-    "Further motions": ("switch", "survey", "follow", "backbone", "cycles", "torus", "campbell"),
-    "Jumps and design": ("map", "critical", "sensitivity", "scatter", "redesign", "study", "fit"),
-    "Validation": ("validate", "sweep", "basins", "certify"),
-}
+COMMANDS = {
+    "Gears and models": (gear.gear, gear.speed, models.models),
+    "Response curves": (
+        curves.trace, curves.plot_command, curves.jumps, curves.info, gear.results, curves.extend, pages.report,
+        pages.explore,
+    ),
+    "Further motions": (
+        design.switch, design.survey, motions.follow, motions.backbone, motions.cycles, motions.torus, rotors.campbell,
+    ),
+    "Jumps and design": (
+        design.map_command, design.critical, fit.sensitivity, fit.scatter, fit.redesign, study.study, fit.fit,
+    ),
+    "Validation": (time.validate, time.sweep, time.basins, certify.certify),
+}  # fmt: skip
 """Commands by the heading under which the help lists them, in its order."""
 
 
@@ -181,8 +187,9 @@ def _run(args: list[str]) -> int:
         return BAD_INPUT
 
 
-for commands in (models, curves, design, fit, study, time, certify, gear, pages, rotors, motions):
-    commands.register(app)
+for _heading, _functions in COMMANDS.items():
+    for _function in _functions:  # of which map_command and plot_command are named map and plot
+        app.command(name=_function.__name__.removesuffix("_command"), rich_help_panel=_heading)(_function)
 
 
 @app.callback(invoke_without_command=True)
@@ -190,19 +197,3 @@ def _version(version: Annotated[bool, typer.Option("--version", help="Print the 
     if version:
         print(hb.__version__)
         raise typer.Exit
-
-
-def _group_commands() -> None:
-    """Sort the commands by their headings in the help."""
-    order = [(name, heading) for heading, names in COMMAND_GROUPS.items() for name in names]
-    position = {name: i for i, (name, _) in enumerate(order)}
-
-    def command_name(info: CommandInfo) -> str:
-        return info.name or info.callback.__name__  # type: ignore[union-attr]
-
-    app.registered_commands.sort(key=lambda info: position[command_name(info)])
-    for info in app.registered_commands:
-        info.rich_help_panel = order[position[command_name(info)]][1]
-
-
-_group_commands()

@@ -20,11 +20,6 @@ NOT_PROVED = 1
 """Exit code of a point that is not certified."""
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command of this module."""
-    app.command()(certify)
-
-
 def certify(
     file: File,
     points: Annotated[

@@ -76,15 +76,6 @@ Events = Annotated[
 ]
 
 
-def register(app: typer.Typer) -> None:
-    """Add the commands of this module."""
-    app.command()(trace)
-    app.command()(extend)
-    app.command()(info)
-    app.command()(jumps)
-    app.command(name="plot")(plot_command)
-
-
 def trace(
     model: Model,
     changes: Changes = None,

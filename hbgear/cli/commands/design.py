@@ -45,14 +45,6 @@ from hbgear.common.text.symbols import shown_unit
 from hbgear.io.map_file import read_map, save_map
 
 
-def register(app: typer.Typer) -> None:
-    """Add the commands of this module."""
-    app.command(name="map")(map_command)
-    app.command()(critical)
-    app.command()(switch)
-    app.command()(survey)
-
-
 def map_command(
     model: Model,
     within: Annotated[str, range_option("Design parameter, a field of the model, and its range.")],

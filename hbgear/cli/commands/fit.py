@@ -44,14 +44,6 @@ from hbgear.design.fitting.measurements import FREQUENCIES
 from hbgear.io.branches.columns import bracketed
 
 
-def register(app: typer.Typer) -> None:
-    """Add the commands of this module."""
-    app.command()(sensitivity)
-    app.command()(scatter)
-    app.command()(fit)
-    app.command()(redesign)
-
-
 def sensitivity(
     file: File,
     point: Annotated[

@@ -75,13 +75,6 @@ DAMPING_RANGE = "effect of the damping ratio of the mesh, whose measured values 
 """Title of the table of damping ratios, which is printed before all results that depend on them."""
 
 
-def register(app: typer.Typer) -> None:
-    """Add the commands of this module."""
-    app.command()(gear)
-    app.command()(speed)
-    app.command()(results)
-
-
 def gear(
     z: Annotated[str, typer.Option("--z", metavar="Z1,Z2", help="Teeth of pinion and wheel; -Z2 for a ring.")],
     module: Annotated[str, typer.Option(help="Normal module, such as 3mm.")],

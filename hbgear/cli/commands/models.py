@@ -16,11 +16,6 @@ from hbgear.mechanics.fields import defaults_of, kinds_of
 from hbgear.mechanics.model_lookup import installed
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command of this module."""
-    app.command()(models)
-
-
 def models(
     model: Annotated[
         str | None, typer.Argument(metavar="[MODEL]", help="Only this model, such as your own FILE.py:NAME.")

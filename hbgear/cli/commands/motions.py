@@ -45,14 +45,6 @@ ROWS = 8
 """Number of rows of the tables of backbones, limit cycles and tori."""
 
 
-def register(app: typer.Typer) -> None:
-    """Add the commands of this module."""
-    app.command()(backbone)
-    app.command()(cycles)
-    app.command()(torus)
-    app.command()(follow)
-
-
 def backbone(
     model: Model,
     changes: Changes = None,

@@ -35,12 +35,6 @@ Measured = Annotated[
 ]
 
 
-def register(app: typer.Typer) -> None:
-    """Add the commands of this module."""
-    app.command()(report)
-    app.command()(explore)
-
-
 def report(
     files: Annotated[
         list[Path], typer.Argument(metavar="FILE...", help="Curves saved by hbgear trace -o; also tori and backbones.")

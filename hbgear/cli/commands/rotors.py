@@ -17,11 +17,6 @@ from hbgear.cli.support import assignments, chosen_model, span_of
 from hbgear.harmonic.models.frequency_units import MESH
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command of this module."""
-    app.command()(campbell)
-
-
 def campbell(
     model: Model,
     changes: Changes = None,

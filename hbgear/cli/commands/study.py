@@ -27,11 +27,6 @@ SCHEDULER_TIMEOUT = 5
 """Time [s] within which a Dask scheduler must answer, and between two checks of its workers."""
 
 
-def register(app: typer.Typer) -> None:
-    """Add the command of this module."""
-    app.command()(study)
-
-
 def study(
     file: Annotated[Path, typer.Argument(metavar="FILE.toml", help="What to vary and what to compute.")],
     output: Annotated[

@@ -45,13 +45,6 @@ DISAGREES = 1
 """Exit code of a validation in which a point or jump disagrees."""
 
 
-def register(app: typer.Typer) -> None:
-    """Add the commands of this module."""
-    app.command()(validate)
-    app.command()(sweep)
-    app.command()(basins)
-
-
 def validate(
     file: File,
     model: OwnModel = None,
