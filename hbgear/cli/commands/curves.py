@@ -14,24 +14,7 @@ import hbgear as hb
 from hbgear.analysis.quantities.axis_quantities import kind_of
 from hbgear.analysis.summary import in_speeds, message_of, position_headers, position_texts, summary_facts
 from hbgear.cli import complete as cli_complete
-from hbgear.cli.options import (
-    At,
-    Changes,
-    Dimensionless,
-    Element,
-    Figure,
-    File,
-    First,
-    Harmonics,
-    Landing,
-    Last,
-    Model,
-    OtherCurves,
-    Output,
-    OwnModel,
-    ShownMeasure,
-    Within,
-)
+from hbgear.cli import options
 from hbgear.cli.output import (
     STOPPED_EARLY,
     bar,
@@ -77,17 +60,17 @@ Events = Annotated[
 
 
 def trace(
-    model: Model,
-    changes: Changes = None,
-    first: First = None,
-    last: Last = None,
-    within: Within = None,
-    at: At = None,
+    model: options.Model,
+    changes: options.Changes = None,
+    first: options.First = None,
+    last: options.Last = None,
+    within: options.Within = None,
+    at: options.At = None,
     start: Annotated[
         str | None,
         typer.Option(metavar="FILE[:POINT]", help="Begin at a point (label or value) of a saved curve."),
     ] = None,
-    harmonics: Harmonics = "16",
+    harmonics: options.Harmonics = "16",
     tolerance: Annotated[
         float, typer.Option(help="Largest estimated error of the motion for --harmonics auto.")
     ] = 1e-6,
@@ -105,11 +88,11 @@ def trace(
         bool,
         typer.Option("--instants", help="Solve in contact instants instead of harmonics: hard stops, no truncation."),
     ] = False,
-    measure: ShownMeasure = None,
-    element: Element = "0",
-    dimensionless: Dimensionless = False,
-    output: Output = None,
-    plot: Figure = None,
+    measure: options.ShownMeasure = None,
+    element: options.Element = "0",
+    dimensionless: options.Dimensionless = False,
+    output: options.Output = None,
+    plot: options.Figure = None,
     stability: Annotated[
         bool, typer.Option("--stability/--no-stability", help="Compute Floquet multipliers and jumps.")
     ] = True,
@@ -119,7 +102,7 @@ def trace(
     predictor_points: Annotated[
         int, typer.Option(min=1, help="Previous points used by the Hermite predictor; 1: tangent predictor.")
     ] = hb.StepControl().predictor_points,
-    landing: Landing = "nearest",
+    landing: options.Landing = "nearest",
     accuracy: Annotated[
         float,
         typer.Option(
@@ -189,8 +172,8 @@ def _model_and_start(
 
 
 def extend(
-    file: File,
-    model: OwnModel = None,
+    file: options.File,
+    model: options.OwnModel = None,
     first: Annotated[
         str | None,
         typer.Option("--from", help="Omega or speed at which a longer span begins.", show_default="from the curve"),
@@ -214,11 +197,11 @@ def extend(
     samples: Annotated[
         int | None, typer.Option(min=1, help="Samples N per period.", show_default="from the curve")
     ] = None,
-    measure: ShownMeasure = None,
-    element: Element = "0",
-    dimensionless: Dimensionless = False,
-    output: Output = None,
-    plot: Figure = None,
+    measure: options.ShownMeasure = None,
+    element: options.Element = "0",
+    dimensionless: options.Dimensionless = False,
+    output: options.Output = None,
+    plot: options.Figure = None,
     max_points: Annotated[
         int, typer.Option(min=2, help="Largest number of points to add.")
     ] = hb.StepControl().max_points,
@@ -248,7 +231,10 @@ def extend(
 
 
 def info(
-    file: File, measure: ShownMeasure = None, element: Element = "0", dimensionless: Dimensionless = False
+    file: options.File,
+    measure: options.ShownMeasure = None,
+    element: options.Element = "0",
+    dimensionless: options.Dimensionless = False,
 ) -> None:
     """Summarise a saved curve: model, status, special points, jumps and accuracy."""
     branch, measure = loaded(file, measure, element, dimensionless)
@@ -258,19 +244,19 @@ def info(
 
 
 def jumps(
-    file: File,
-    model: OwnModel = None,
-    landing: Landing = "nearest",
-    other_branches: OtherCurves = None,
+    file: options.File,
+    model: options.OwnModel = None,
+    landing: options.Landing = "nearest",
+    other_branches: options.OtherCurves = None,
     doublings: Annotated[
         int | None,
         typer.Option(
             min=0, help="Print the paths of slow sweeps instead, through at most this number of period doublings."
         ),
     ] = None,
-    measure: ShownMeasure = None,
-    element: Element = "0",
-    dimensionless: Dimensionless = False,
+    measure: options.ShownMeasure = None,
+    element: options.Element = "0",
+    dimensionless: options.Dimensionless = False,
 ) -> None:
     """List the jumps of a slow sweep, with the amplitudes before and after, and how the landing was determined.
 
@@ -297,13 +283,13 @@ def jumps(
 
 
 def plot_command(
-    file: File,
+    file: options.File,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help=".png, .pdf or .svg.", show_default="FILE.png")
     ] = None,
-    measure: ShownMeasure = None,
-    element: Element = "0",
-    dimensionless: Dimensionless = False,
+    measure: options.ShownMeasure = None,
+    element: options.Element = "0",
+    dimensionless: options.Dimensionless = False,
     point: Annotated[
         str | None,
         typer.Option(

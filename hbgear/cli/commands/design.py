@@ -13,23 +13,8 @@ import hbgear as hb
 from hbgear.analysis.quantities.axis_quantities import OmegaAxis
 from hbgear.analysis.summary import digits_of, message_of, text_at
 from hbgear.cli import complete as cli_complete
+from hbgear.cli import options
 from hbgear.cli.commands.shares import MaxRows, Saved, show_shares
-from hbgear.cli.options import (
-    Changes,
-    Dimensionless,
-    Element,
-    Figure,
-    File,
-    First,
-    Harmonics,
-    Last,
-    Measure,
-    Model,
-    Output,
-    OwnModel,
-    output_option,
-    range_option,
-)
 from hbgear.cli.output import bar, exit_code, finish, print_message, print_table, show_branch
 from hbgear.cli.output_files import BRANCHES, check_writable, outputs
 from hbgear.cli.support import (
@@ -46,16 +31,16 @@ from hbgear.io.map_file import read_map, save_map
 
 
 def map_command(
-    model: Model,
-    within: Annotated[str, range_option("Design parameter, a field of the model, and its range.")],
-    changes: Changes = None,
-    harmonics: Harmonics = "16",
+    model: options.Model,
+    within: Annotated[str, options.range_option("Design parameter, a field of the model, and its range.")],
+    changes: options.Changes = None,
+    harmonics: options.Harmonics = "16",
     seeds: Annotated[int, typer.Option(min=2, help="Response curves that are searched for jumps.")] = 3,
-    first: First = None,
-    last: Last = None,
-    output: Annotated[Path | None, output_option("Save the jump frequencies as .csv.", ".csv")] = None,
-    plot: Figure = None,
-    dimensionless: Dimensionless = False,
+    first: options.First = None,
+    last: options.Last = None,
+    output: Annotated[Path | None, options.output_option("Save the jump frequencies as .csv.", ".csv")] = None,
+    plot: options.Figure = None,
+    dimensionless: options.Dimensionless = False,
 ) -> None:
     """Compute a jump map: jump frequencies against a design parameter, and where jumps vanish.
 
@@ -119,17 +104,17 @@ def unit_after(model: Any, parameter: str) -> str:
 
 
 def critical(
-    model: Model,
+    model: options.Model,
     parameter: Annotated[
         str,
         typer.Argument(
             metavar="PARAMETER", help="A field of the model, such as zeta.", autocompletion=cli_complete.parameters
         ),
     ],
-    changes: Changes = None,
-    harmonics: Harmonics = "16",
-    first: First = None,
-    last: Last = None,
+    changes: options.Changes = None,
+    harmonics: options.Harmonics = "16",
+    first: options.First = None,
+    last: options.Last = None,
     derivatives: Annotated[
         bool, typer.Option("--sensitivity", help="Print the derivatives of the value by all other parameters.")
     ] = False,
@@ -138,10 +123,10 @@ def critical(
     ] = "",
     max_rows: MaxRows = 15,
     output: Saved = None,
-    plot: Figure = None,
-    measure: Measure = "pp2",
-    element: Element = "0",
-    dimensionless: Dimensionless = False,
+    plot: options.Figure = None,
+    measure: options.Measure = "pp2",
+    element: options.Element = "0",
+    dimensionless: options.Dimensionless = False,
 ) -> None:
     """Compute the value of a parameter at which a jump appears or vanishes, and the frequency of that jump.
 
@@ -180,18 +165,18 @@ def critical(
 
 
 def switch(
-    file: File,
+    file: options.File,
     label: Annotated[
         str,
         typer.Argument(
             metavar="LABEL", help="A PD or BP of the curve, such as PD1.", autocompletion=cli_complete.crossings
         ),
     ],
-    model: OwnModel = None,
-    output: Output = None,
-    plot: Figure = None,
-    measure: Measure = "pp2",
-    element: Element = "0",
+    model: options.OwnModel = None,
+    output: options.Output = None,
+    plot: options.Figure = None,
+    measure: options.Measure = "pp2",
+    element: options.Element = "0",
 ) -> None:
     """Trace the branch that leaves a saved curve at a period doubling or branch point."""
     branch, label_on_branch = on_curve(load_with_problem(file, model), label)
@@ -206,11 +191,11 @@ def switch(
 
 
 def survey(
-    model: Model,
-    changes: Changes = None,
-    first: First = None,
-    last: Last = None,
-    harmonics: Harmonics = "16",
+    model: options.Model,
+    changes: options.Changes = None,
+    first: options.First = None,
+    last: options.Last = None,
+    harmonics: options.Harmonics = "16",
     nu: Annotated[int, typer.Option(min=1, help="Subharmonic order: motions of nu periods of the excitation.")] = 1,
     frequencies: Annotated[
         int, typer.Option("--frequencies", min=1, help="Frequencies at which further motions are searched.")
@@ -219,10 +204,10 @@ def survey(
     folder: Annotated[
         Path | None, typer.Option("-o", "--output", help="Folder for branch1.npz, branch2.npz, ...")
     ] = None,
-    plot: Figure = None,
-    measure: Measure = "pp2",
-    element: Element = "0",
-    dimensionless: Dimensionless = False,
+    plot: options.Figure = None,
+    measure: options.Measure = "pp2",
+    element: options.Element = "0",
+    dimensionless: options.Dimensionless = False,
 ) -> None:
     """Trace every branch in a span, including disconnected branches.
 

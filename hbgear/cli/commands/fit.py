@@ -11,21 +11,8 @@ import typer
 
 import hbgear as hb
 from hbgear.cli import complete as cli_complete
+from hbgear.cli import options
 from hbgear.cli.commands.shares import SHARE_ROUNDING, MaxRows, Saved, show_shares
-from hbgear.cli.options import (
-    Changes,
-    Dimensionless,
-    Element,
-    Figure,
-    File,
-    First,
-    Harmonics,
-    Last,
-    Measure,
-    Model,
-    OwnModel,
-    output_option,
-)
 from hbgear.cli.output import bar, finish, print_table, print_text
 from hbgear.cli.output_files import outputs
 from hbgear.cli.quantities import check_parameter, parameter_value, value_in_model
@@ -45,7 +32,7 @@ from hbgear.io.branches.columns import bracketed
 
 
 def sensitivity(
-    file: File,
+    file: options.File,
     point: Annotated[
         str,
         typer.Argument(
@@ -54,7 +41,7 @@ def sensitivity(
             autocompletion=cli_complete.labels,
         ),
     ],
-    model: OwnModel = None,
+    model: options.OwnModel = None,
     quantity: Annotated[
         str,
         typer.Option(
@@ -63,13 +50,13 @@ def sensitivity(
     ] = "",
     max_rows: MaxRows = 15,
     output: Saved = None,
-    plot: Figure = None,
-    measure: Measure = "pp2",
-    element: Element = "0",
+    plot: options.Figure = None,
+    measure: options.Measure = "pp2",
+    element: options.Element = "0",
     multipliers: Annotated[
         bool, typer.Option("--multipliers", help="Include the largest modulus of the Floquet multipliers, |mu|.")
     ] = False,
-    dimensionless: Dimensionless = False,
+    dimensionless: options.Dimensionless = False,
 ) -> None:
     """Compute the derivatives of the frequency and amplitude of a point of a saved curve by all parameters.
 
@@ -82,12 +69,12 @@ def sensitivity(
 
 
 def scatter(
-    file: File,
+    file: options.File,
     spread: Annotated[
         list[str],
         typer.Argument(metavar="NAME=DEVIATION...", help="Standard deviations of parameters, such as zeta=0.002."),
     ],
-    model: OwnModel = None,
+    model: options.OwnModel = None,
     draws: Annotated[int, typer.Option(min=2, help="Size of the Monte Carlo sample.")] = 300,
     sigmas: Annotated[float, typer.Option(help="Half width of the band in standard deviations.")] = 2.0,
     unit: Annotated[
@@ -97,10 +84,10 @@ def scatter(
     length: Annotated[
         str | None, typer.Option(help="Unit of the amplitudes, such as mm.", show_default="um if known")
     ] = None,
-    plot: Figure = None,
-    measure: Measure = "pp2",
-    element: Element = "0",
-    dimensionless: Dimensionless = False,
+    plot: options.Figure = None,
+    measure: options.Measure = "pp2",
+    element: options.Element = "0",
+    dimensionless: options.Dimensionless = False,
 ) -> None:
     """Compute the scatter of the jumps of a saved curve for scattered parameters; --plot draws the band of the curve.
 
@@ -154,12 +141,12 @@ def fit(
             "brackets, such as r/min; see --column.",
         ),
     ],
-    model: Model,
+    model: options.Model,
     free: Annotated[
         str,
         typer.Option("--free", metavar="NAME,...", help="Parameters to fit: zeta,b or, with bounds, zeta=0.01:0.2."),
     ],
-    changes: Changes = None,
+    changes: options.Changes = None,
     column: Annotated[
         list[str] | None,
         typer.Option(metavar="NAME=HEADER", help="Header of a column in the file: frequency=rpm; repeatable."),
@@ -174,12 +161,12 @@ def fit(
         str,
         typer.Option(help="Unit of amplitudes whose column states none, such as um.", show_default="from the model"),
     ] = "",
-    harmonics: Harmonics = "16",
+    harmonics: options.Harmonics = "16",
     starts: Annotated[int, typer.Option(min=1, help="Starting points to follow if the first fits badly.")] = 3,
-    output: Annotated[Path | None, output_option("Save the fitted curve as .npz.", ".npz")] = None,
-    plot: Figure = None,
-    measure: Measure = "pp2",
-    element: Element = "0",
+    output: Annotated[Path | None, options.output_option("Save the fitted curve as .npz.", ".npz")] = None,
+    plot: options.Figure = None,
+    measure: options.Measure = "pp2",
+    element: options.Element = "0",
 ) -> None:
     """Fit parameters to measured sweeps; the values of the model are the starting point.
 
@@ -223,7 +210,7 @@ def fit(
 
 
 def redesign(
-    model: Model,
+    model: options.Model,
     free: Annotated[
         str,
         typer.Option("--free", metavar="NAME,...", help="Parameters that may change: zeta,e_scale or zeta=0.04:0.1."),
@@ -231,7 +218,7 @@ def redesign(
     peak: Annotated[
         float | None, typer.Option("--peak", help="Limit of the highest peak; default: remove all jumps.")
     ] = None,
-    changes: Changes = None,
+    changes: options.Changes = None,
     scatter: Annotated[
         list[str] | None,
         typer.Option(metavar="NAME=DEVIATION", help="Standard deviation of a parameter, kept as a margin; repeatable."),
@@ -247,13 +234,13 @@ def redesign(
         float | None, typer.Option(help="Relative distance of a parameter from the value at which a jump appears.")
     ] = None,
     margin_in: Annotated[str, typer.Option(metavar="NAME", help="Parameter of --margin.")] = "",
-    first: First = None,
-    last: Last = None,
-    harmonics: Harmonics = "16",
-    output: Annotated[Path | None, output_option("Save the new curve as .npz.", ".npz")] = None,
-    plot: Figure = None,
-    measure: Measure = "pp2",
-    element: Element = "0",
+    first: options.First = None,
+    last: options.Last = None,
+    harmonics: options.Harmonics = "16",
+    output: Annotated[Path | None, options.output_option("Save the new curve as .npz.", ".npz")] = None,
+    plot: options.Figure = None,
+    measure: options.Measure = "pp2",
+    element: options.Element = "0",
 ) -> None:
     """Find the smallest relative change of a design that removes its jumps or limits its highest peak.
 

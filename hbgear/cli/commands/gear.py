@@ -21,6 +21,7 @@ from hbgear.analysis.jump_landings import landings
 from hbgear.analysis.quantities.axis_quantities import OmegaAxis
 from hbgear.analysis.quantities.engineering_quantities import MachineQuantities, problem_along
 from hbgear.analysis.summary import message_of, position_headers, position_texts
+from hbgear.cli import options
 from hbgear.cli.machine_report import gear_tables
 from hbgear.cli.machine_report.assumptions import (
     JUMPS,
@@ -34,19 +35,6 @@ from hbgear.cli.machine_report.assumptions import (
 from hbgear.cli.machine_report.speed_ranges import numbers_text
 from hbgear.cli.machine_report.speeds import recommendation, show_speeds
 from hbgear.cli.machine_report.subharmonics import subharmonics
-from hbgear.cli.options import (
-    Changes,
-    Dimensionless,
-    Element,
-    Figure,
-    File,
-    Harmonics,
-    Output,
-    OwnModel,
-    ShownMeasure,
-    file_option,
-    output_option,
-)
 from hbgear.cli.output import exit_code, print_table, print_text
 from hbgear.cli.output_files import FIGURES, check_writable, outputs
 from hbgear.cli.quantities import is_number
@@ -119,12 +107,12 @@ def gear(
         str | None, typer.Option(help="Coefficient of friction between the teeth, such as 0.05.", show_default="0")
     ] = None,
     rack: Annotated[bool, typer.Option("--rack", help="The wheel is a rack of Z2 teeth.")] = False,
-    harmonics: Harmonics = "24",
-    output: Annotated[Path | None, output_option("Write the machine as .toml.", ".toml")] = None,
+    harmonics: options.Harmonics = "24",
+    output: Annotated[Path | None, options.output_option("Write the machine as .toml.", ".toml")] = None,
     plot: Annotated[
-        Path | None, file_option("Draw to a .png, .pdf or .svg.", FIGURES, default="gear-Z1-Z2.png")
+        Path | None, options.file_option("Draw to a .png, .pdf or .svg.", FIGURES, default="gear-Z1-Z2.png")
     ] = None,
-    dimensionless: Dimensionless = False,
+    dimensionless: options.Dimensionless = False,
 ) -> None:
     """Compute geometry, mesh stiffness, natural frequency and jump speeds of a gear pair from its drawing.
 
@@ -147,16 +135,16 @@ def gear(
 
 def speed(
     file: Annotated[str, typer.Argument(metavar="FILE.toml", help="The machine, as written by hbgear gear -o.")],
-    changes: Changes = None,
+    changes: options.Changes = None,
     first: Annotated[
         str | None, typer.Option("--from", help="Speed of the pinion at the start, such as 15000r/min.")
     ] = None,
     last: Annotated[str | None, typer.Option("--to", help="Speed of the pinion at the end.")] = None,
-    harmonics: Harmonics = "24",
-    output: Output = None,
-    plot: Figure = None,
-    measure: ShownMeasure = None,
-    dimensionless: Dimensionless = False,
+    harmonics: options.Harmonics = "24",
+    output: options.Output = None,
+    plot: options.Figure = None,
+    measure: options.ShownMeasure = None,
+    dimensionless: options.Dimensionless = False,
 ) -> None:
     """Compute resonances, jumps, safe and critical speeds of a machine.
 
@@ -192,18 +180,18 @@ def speed(
 
 
 def results(
-    file: File,
+    file: options.File,
     quantity: Annotated[
         str,
         typer.Argument(metavar="[QUANTITY]", help="Quantity to print at jumps and to draw, such as 'force, largest'."),
     ] = "dynamic factor",
-    model: OwnModel = None,
-    element: Element = "0",
+    model: options.OwnModel = None,
+    element: options.Element = "0",
     dof: Annotated[
         str | None, typer.Option(help="Coordinate whose acceleration is computed, by number or name.")
     ] = None,
-    output: Annotated[Path | None, output_option("Save all quantities of all points as .csv.", ".csv")] = None,
-    plot: Figure = None,
+    output: Annotated[Path | None, options.output_option("Save all quantities of all points as .csv.", ".csv")] = None,
+    plot: options.Figure = None,
 ) -> None:
     """Compute forces, dynamic factor, transmission error, reactions and acceleration along a saved curve, with units.
 

@@ -10,21 +10,7 @@ import typer
 import hbgear as hb
 from hbgear.analysis.quantities.axis_quantities import Abscissa, OmegaAxis, Ordinate, factor_of
 from hbgear.cli import complete as cli_complete
-from hbgear.cli.options import (
-    Changes,
-    Dimensionless,
-    Element,
-    Figure,
-    File,
-    First,
-    Harmonics,
-    Last,
-    Measure,
-    Model,
-    Output,
-    OwnModel,
-    range_option,
-)
+from hbgear.cli import options
 from hbgear.cli.output import exit_code, print_table, show_branch
 from hbgear.cli.output_files import outputs
 from hbgear.cli.quantities import number_of
@@ -46,18 +32,18 @@ ROWS = 8
 
 
 def backbone(
-    model: Model,
-    changes: Changes = None,
+    model: options.Model,
+    changes: options.Changes = None,
     mode: Annotated[int, typer.Option(min=1, help="Mode, in ascending frequency.")] = 1,
     amplitudes: Annotated[
         str, typer.Option("--amplitudes", metavar="FROM:TO", help="rms amplitude of all elements, in model units.")
     ] = "0.01:1",
-    harmonics: Harmonics = "16",
-    output: Output = None,
-    plot: Figure = None,
-    measure: Measure = "pp2",
-    element: Element = "0",
-    dimensionless: Dimensionless = False,
+    harmonics: options.Harmonics = "16",
+    output: options.Output = None,
+    plot: options.Figure = None,
+    measure: options.Measure = "pp2",
+    element: options.Element = "0",
+    dimensionless: options.Dimensionless = False,
 ) -> None:
     """Trace the backbone of a mode: its frequency and damping ratio over the amplitude, without excitation.
 
@@ -99,18 +85,18 @@ def backbone(
 
 
 def cycles(
-    model: Model,
-    within: Annotated[str, range_option("Parameter, and its range from the stable side.")],
-    changes: Changes = None,
+    model: options.Model,
+    within: Annotated[str, options.range_option("Parameter, and its range from the stable side.")],
+    changes: options.Changes = None,
     length: Annotated[
         float, typer.Option(min=1e-300, help="Displacement at which the nonlinearity matters, in model units.")
     ] = 1.0,
-    harmonics: Harmonics = "16",
-    output: Output = None,
-    plot: Figure = None,
-    measure: Measure = "pp2",
-    element: Element = "0",
-    dimensionless: Dimensionless = False,
+    harmonics: options.Harmonics = "16",
+    output: options.Output = None,
+    plot: options.Figure = None,
+    measure: options.Measure = "pp2",
+    element: options.Element = "0",
+    dimensionless: options.Dimensionless = False,
 ) -> None:
     """Compute Hopf points of the equilibrium over a parameter, and trace the limit cycles from the first one.
 
@@ -135,16 +121,16 @@ def cycles(
 
 
 def torus(
-    file: File,
+    file: options.File,
     label: Annotated[str, typer.Argument(metavar="LABEL", help="A Neimark-Sacker point of the curve.")] = "NS1",
-    model: OwnModel = None,
-    first: First = None,
-    last: Last = None,
-    output: Output = None,
-    plot: Figure = None,
-    measure: Measure = "pp2",
-    element: Element = "0",
-    dimensionless: Dimensionless = False,
+    model: options.OwnModel = None,
+    first: options.First = None,
+    last: options.Last = None,
+    output: options.Output = None,
+    plot: options.Figure = None,
+    measure: options.Measure = "pp2",
+    element: options.Element = "0",
+    dimensionless: options.Dimensionless = False,
 ) -> None:
     """Trace the quasi-periodic motions that leave a saved curve at a Neimark-Sacker point; --plot draws both.
 
@@ -169,16 +155,18 @@ def torus(
 
 
 def follow(
-    file: File,
+    file: options.File,
     label: Annotated[
         str,
         typer.Argument(metavar="LABEL", help="A special point of the curve.", autocompletion=cli_complete.labels),
     ],
-    within: Annotated[str, range_option("Second parameter, and its range, in which the value of the curve lies.")],
-    model: OwnModel = None,
-    output: Output = None,
-    plot: Figure = None,
-    dimensionless: Dimensionless = False,
+    within: Annotated[
+        str, options.range_option("Second parameter, and its range, in which the value of the curve lies.")
+    ],
+    model: options.OwnModel = None,
+    output: options.Output = None,
+    plot: options.Figure = None,
+    dimensionless: options.Dimensionless = False,
 ) -> None:
     """Trace the curve of a special point of a saved curve in a second parameter, with its special points.
 

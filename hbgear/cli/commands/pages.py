@@ -11,7 +11,7 @@ import typer
 
 import hbgear as hb
 from hbgear.analysis.quantities.axis_quantities import kind_of
-from hbgear.cli.options import AllowCode, Changes, First, Last, OwnModel, output_option
+from hbgear.cli import options
 from hbgear.cli.output import STOPPED_EARLY, bar, print_message
 from hbgear.cli.output_files import outputs
 from hbgear.cli.support import chosen_model, class_of, problem_in, span_of
@@ -39,12 +39,12 @@ def report(
     files: Annotated[
         list[Path], typer.Argument(metavar="FILE...", help="Curves saved by hbgear trace -o; also tori and backbones.")
     ],
-    output: Annotated[Path, output_option("The page, .html.", ".html", ".htm")] = Path("report.html"),
+    output: Annotated[Path, options.output_option("The page, .html.", ".html", ".htm")] = Path("report.html"),
     title: Annotated[str | None, typer.Option(help="Title of the page.", show_default="the model")] = None,
     validate: Annotated[
         int, typer.Option(min=0, help="Number of points of each file to validate by time integration.")
     ] = 0,
-    model: OwnModel = None,
+    model: options.OwnModel = None,
     measured: Measured = None,
     study: Annotated[
         list[Path] | None,
@@ -81,18 +81,18 @@ def explore(
             metavar="MODEL|FILE", help="A model, the .toml of a machine or a study, or a saved curve (.npz)."
         ),
     ],
-    changes: Changes = None,
-    first: First = None,
-    last: Last = None,
+    changes: options.Changes = None,
+    first: options.First = None,
+    last: options.Last = None,
     harmonics: Annotated[
         int | None, typer.Option(min=1, max=256, help="H at the start.", show_default="16, or from the curve")
     ] = None,
-    model: OwnModel = None,
+    model: options.OwnModel = None,
     also: Annotated[
         list[Path] | None,
         typer.Option("--with", metavar="FILE", help="Also draw these saved tori or backbones; repeatable."),
     ] = None,
-    allow_code: AllowCode = False,
+    allow_code: options.AllowCode = False,
     port: Annotated[int, typer.Option(min=0, max=65535, help="Port to listen on; 0 for any free port.")] = 0,
     browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in the browser.")] = True,
 ) -> None:

@@ -10,7 +10,7 @@ import typer
 import hbgear as hb
 from hbgear.analysis.campbell_diagram import whirl_word
 from hbgear.analysis.quantities.axis_quantities import OmegaAxis
-from hbgear.cli.options import Changes, Dimensionless, Figure, First, Last, Model
+from hbgear.cli import options
 from hbgear.cli.output import print_table
 from hbgear.cli.output_files import outputs
 from hbgear.cli.support import assignments, chosen_model, span_of
@@ -18,10 +18,10 @@ from hbgear.harmonic.models.frequency_units import MESH
 
 
 def campbell(
-    model: Model,
-    changes: Changes = None,
-    first: First = None,
-    last: Last = None,
+    model: options.Model,
+    changes: options.Changes = None,
+    first: options.First = None,
+    last: options.Last = None,
     order: Annotated[
         list[str] | None,
         typer.Option("--order", metavar="NAME=ORDER", help="Order relative to Omega, such as shaft=0.04; repeatable.",
@@ -35,8 +35,8 @@ def campbell(
     opened: Annotated[
         list[str] | None, typer.Option("--open", metavar="NAME", help="An element whose gap is open; repeatable."),
     ] = None,
-    plot: Figure = None,
-    dimensionless: Dimensionless = False,
+    plot: options.Figure = None,
+    dimensionless: options.Dimensionless = False,
 ) -> None:  # fmt: skip
     """Compute natural frequencies against speed, and critical speeds, where excitation orders cross them.
 

@@ -15,25 +15,7 @@ from hbgear.analysis.quantities.axis_quantities import (
     dimension_of,
     factor_of,
 )
-from hbgear.cli.options import (
-    At,
-    Changes,
-    Dimensionless,
-    Element,
-    Figure,
-    File,
-    First,
-    Landing,
-    Last,
-    Measure,
-    Model,
-    OtherCurves,
-    OwnModel,
-    Table,
-    Within,
-    element_of,
-    file_option,
-)
+from hbgear.cli import options
 from hbgear.cli.output import STOPPED_EARLY, bar, print_table
 from hbgear.cli.output_files import FIGURES, check_writable, outputs
 from hbgear.cli.quantities import is_number, number_of
@@ -46,16 +28,16 @@ DISAGREES = 1
 
 
 def validate(
-    file: File,
-    model: OwnModel = None,
+    file: options.File,
+    model: options.OwnModel = None,
     points: Annotated[int, typer.Option(min=1, help="Number of points of all curves, chosen by importance.")] = 12,
     tolerance: Annotated[float, typer.Option(help="Largest relative difference that agrees.")] = 1e-4,
-    landing: Landing = "integrate",
-    other_branches: OtherCurves = None,
-    output: Table = None,
-    plot: Figure = None,
-    element: Element = "0",
-    dimensionless: Dimensionless = False,
+    landing: options.Landing = "integrate",
+    other_branches: options.OtherCurves = None,
+    output: options.Table = None,
+    plot: options.Figure = None,
+    element: options.Element = "0",
+    dimensionless: options.Dimensionless = False,
 ) -> None:
     """Validate the curves of a file by time integration, point by point.
 
@@ -90,14 +72,14 @@ def validate(
 
 
 def sweep(
-    model: Model,
-    changes: Changes = None,
+    model: options.Model,
+    changes: options.Changes = None,
     up: Annotated[bool, typer.Option("--up", help="Sweep with increasing parameter (default without --down).")] = False,
     down: Annotated[bool, typer.Option("--down", help="Sweep with decreasing parameter.")] = False,
-    first: First = None,
-    last: Last = None,
-    within: Within = None,
-    at: At = None,
+    first: options.First = None,
+    last: options.Last = None,
+    within: options.Within = None,
+    at: options.At = None,
     count: Annotated[int, typer.Option(min=2, max=100_000, help="Number of values, the ends included.")] = 131,
     tolerance: Annotated[float, typer.Option(help="Largest remaining distance from the steady state.")] = 1e-7,
     max_periods: Annotated[
@@ -106,14 +88,17 @@ def sweep(
     curve_file: Annotated[
         Path | None, typer.Option("--curve", metavar="FILE", help="A saved curve to draw the sweeps on.")
     ] = None,
-    output: Table = None,
+    output: options.Table = None,
     plot: Annotated[
-        Path | None, file_option("Draw to a .png, .pdf or .svg.", FIGURES, default="FILE_sweep.png with --curve")
+        Path | None,
+        options.file_option("Draw to a .png, .pdf or .svg.", FIGURES, default="FILE_sweep.png with --curve"),
     ] = None,
-    bifurcation: Annotated[Path | None, file_option("Draw the Poincare points against the parameter.", FIGURES)] = None,
-    measure: Measure = "pp2",
-    element: Element = "0",
-    dimensionless: Dimensionless = False,
+    bifurcation: Annotated[
+        Path | None, options.file_option("Draw the Poincare points against the parameter.", FIGURES)
+    ] = None,
+    measure: options.Measure = "pp2",
+    element: options.Element = "0",
+    dimensionless: options.Dimensionless = False,
 ) -> None:
     """Compute a slow sweep by time integration, with its jumps and its motions of other periods.
 
@@ -163,9 +148,9 @@ def sweep(
 
 
 def basins(
-    model: Model,
+    model: options.Model,
     omega: Annotated[str, typer.Option(help="Frequency: Omega, or a speed such as 9000r/min or 2500Hz.")],
-    changes: Changes = None,
+    changes: options.Changes = None,
     d: Annotated[
         str,
         typer.Option(metavar="FROM:TO", help="Range of the initial element coordinate, such as -2:2 or -80um:80um."),
@@ -180,7 +165,7 @@ def basins(
     element: Annotated[
         Any,
         typer.Option(
-            parser=element_of,
+            parser=options.element_of,
             metavar="NUMBER|NAME",
             help="Element of the coordinate, by number or name; required if there are several.",
         ),
@@ -189,9 +174,9 @@ def basins(
     max_periods: Annotated[
         int, typer.Option("--max-periods", min=1, help="Periods to integrate per initial state at most.")
     ] = 3000,
-    output: Table = None,
-    plot: Figure = None,
-    dimensionless: Dimensionless = False,
+    output: options.Table = None,
+    plot: options.Figure = None,
+    dimensionless: options.Dimensionless = False,
 ) -> None:
     """Compute basins of attraction over the coordinate and rate of an element.
 
