@@ -50,6 +50,20 @@ def two_masses(F=0.13, ground=None, link=None):
     return hb.System(np.diag([1.0, 0.05]), C, K, springs, hb.Load(cosine={1: [F, 0.0]}))
 
 
+@hb.mechanics.model
+def chain(limit: float = 1.0, load: float = 1.0) -> hb.System:
+    """Three masses with stiff sliders to the ground and between two of them, cubic springs and a stop."""
+    K = np.array([[2.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 2.0]])
+    elements = [
+        hb.Element([1.0, 0.0, 0.0], hb.mechanics.Jenkins(20.0, limit), name="ground"),
+        hb.Element([-1.0, 1.0, 0.0], hb.mechanics.Jenkins(20.0, 1.0), name="link"),
+        hb.Element([0.0, 1.0, 0.0], hb.Cubic(1.0), name="second"),
+        hb.Element([0.0, -1.0, 1.0], hb.Cubic(1.0), name="third"),
+        hb.Element([0.0, 0.0, 1.0], hb.Unilateral(k=1.0, gap=0.25), name="stop"),
+    ]
+    return hb.System(np.eye(3), 0.02 * K, K, elements, hb.Load(cosine={1: [0.0, load, 0.0]}))
+
+
 def state_matrix(M, C, K):
     """The matrix A of the equations of motion (q, v)' = A (q, v)."""
     n = len(M)

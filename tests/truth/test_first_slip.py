@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from machines import chain
 from scipy.optimize import brentq
 
 import hbgear as hb
@@ -149,20 +150,6 @@ def test_sensitivity_against_curves_traced_again(make, H):
         for point, one, other in zip(here, up, down, strict=True):
             expected = (one.parameters["Omega"] - other.parameters["Omega"]) / (2e-4 * value)
             assert hb.analysis.sensitivity(point).of("Omega")[name] == pytest.approx(expected, rel=1e-6, abs=1e-8)
-
-
-@hb.mechanics.model
-def chain(limit: float = 1.0, load: float = 1.0) -> hb.System:
-    """Three masses with two stiff sliders, cubic springs and a stop, whose curve turns back at a first slip."""
-    K = np.array([[2.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 2.0]])
-    elements = [
-        hb.Element([1.0, 0.0, 0.0], hb.mechanics.Jenkins(20.0, limit), name="ground"),
-        hb.Element([-1.0, 1.0, 0.0], hb.mechanics.Jenkins(20.0, 1.0), name="link"),
-        hb.Element([0.0, 1.0, 0.0], hb.Cubic(1.0), name="second"),
-        hb.Element([0.0, -1.0, 1.0], hb.Cubic(1.0), name="third"),
-        hb.Element([0.0, 0.0, 1.0], hb.Unilateral(k=1.0, gap=0.25), name="stop"),
-    ]
-    return hb.System(np.eye(3), 0.02 * K, K, elements, hb.Load(cosine={1: [0.0, load, 0.0]}))
 
 
 @pytest.mark.slow

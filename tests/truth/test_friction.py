@@ -5,6 +5,7 @@ The motions are computed without hbgear: event-exact shooting of x'' + .02 x' + 
 
 import numpy as np
 import pytest
+from machines import chain
 
 import hbgear as hb
 from hbgear.continuation.solvers.newton import solve
@@ -192,19 +193,6 @@ CHAIN = {
     1.95: [0.11549626479930869, 0.1623490889063048, 0.10589659114473592],
 }
 """Rms of the three masses of `chain` over Omega: event-exact shooting from a motion that started at rest."""
-
-
-def chain():
-    """Three masses with friction to the ground and between two of them, cubic springs and a stop."""
-    K = np.array([[2.0, -1.0, 0.0], [-1.0, 2.0, -1.0], [0.0, -1.0, 2.0]])
-    elements = [
-        hb.Element([1, 0, 0], hb.mechanics.Jenkins(20.0, 1.0), name="ground"),
-        hb.Element([-1, 1, 0], hb.mechanics.Jenkins(20.0, 1.0), name="link"),
-        hb.Element([0, 1, 0], hb.Cubic(1.0), name="second"),
-        hb.Element([0, -1, 1], hb.Cubic(1.0), name="third"),
-        hb.Element([0, 0, 1], hb.Unilateral(k=1.0, gap=0.25), name="stop"),
-    ]
-    return hb.System(np.eye(3), 0.02 * K, K, elements, hb.Load(cosine={1: [0.0, 1.0, 0.0]}))
 
 
 @pytest.mark.slow

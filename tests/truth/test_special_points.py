@@ -103,24 +103,18 @@ def test_a_multiplier_is_one_at_a_fold_with_varying_stiffness(model):
 # ---- period doublings
 
 
-def test_a_multiplier_is_minus_one_at_a_period_doubling():
-    """kahraman_singh_fah010, constant stiffness with contact loss."""
-    model = SpurPair(e=(0.10,))
-    coarse = trace(HarmonicBalance(model, 40), "Omega", (2.1, 1.1))
-    points = [p for p in coarse.special if p.kind == "PD"]
+@pytest.mark.parametrize(
+    ("model", "span", "coarse", "fine", "error"),
+    [
+        pytest.param(SpurPair(e=(0.10,)), (2.1, 1.1), 40, 400, 1e-8, id="contact loss, kahraman_singh_fah010"),
+        pytest.param(SpurPair(eps=(0.3,), e=()), (2.3, 1.8), 20, 40, 1e-9, id="varying stiffness, a smooth motion"),
+    ],
+)
+def test_a_multiplier_is_minus_one_at_a_period_doubling(model, span, coarse, fine, error):
+    points = [p for p in trace(HarmonicBalance(model, coarse), "Omega", span).special if p.kind == "PD"]
     assert len(points) == 2
     for point in points:
-        assert distance_from(-1, *refined(PeriodDoublingProblem, model, 400, point)) < 1e-8
-
-
-def test_a_multiplier_is_minus_one_at_a_period_doubling_with_varying_stiffness():
-    """With permanent contact the motion is smooth: 40 harmonics give the multiplier to 1e-9."""
-    model = SpurPair(eps=(0.3,), e=())
-    coarse = trace(HarmonicBalance(model, 20), "Omega", (2.3, 1.8))
-    points = [p for p in coarse.special if p.kind == "PD"]
-    assert len(points) == 2
-    for point in points:
-        assert distance_from(-1, *refined(PeriodDoublingProblem, model, 40, point)) < 1e-9
+        assert distance_from(-1, *refined(PeriodDoublingProblem, model, fine, point)) < error
 
 
 # ---- cusps
