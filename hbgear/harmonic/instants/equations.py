@@ -323,7 +323,7 @@ class EquationsAt:
             return None
         A = unit.A.copy()
         A[: self.size] /= self.Omega
-        return Flow(A, unit.b, unit.r, (), max(unit.rate / self.Omega, *self.equations.orders, 1.0, 1.0))
+        return Flow(A, unit.b, unit.r, (), max(unit.rate / self.Omega, *self.equations.orders, 1.0))
 
     def structure_matrix(self, flow: Flow) -> Array:
         """Return the part of A that acts on the state of the structure."""

@@ -35,7 +35,7 @@ from hbgear.harmonic.instants.corrector import (
     with_exchange,
 )  # fmt: skip
 from hbgear.harmonic.instants.pattern import InconsistentPatternError, Visit
-from hbgear.harmonic.instants.sampling import MissedCrossing, Samples, sample_gaps
+from hbgear.harmonic.instants.sampling import MissedCrossing, sample_gaps
 from hbgear.harmonic.instants.shooting import SIMULTANEOUS_SWITCHES
 from hbgear.harmonic.instants.special_points.critical import (
     ExactPoint,
@@ -105,10 +105,9 @@ class CurveMark:
 
 @dataclass(eq=False)
 class ExactCurve:
-    """Points of a curve, gaps over a period at each of them, special points, and the reason of its end."""
+    """Points of a curve with the steps to them, special points, and the reason of its end."""
 
     points: list[ExactPoint] = field(default_factory=list)
-    samples: list[Samples] = field(default_factory=list)
     steps: list[float] = field(default_factory=list)
     marks: list[CurveMark] = field(default_factory=list)
     status: Status = Status.STEP_TOO_SMALL
@@ -117,10 +116,9 @@ class ExactCurve:
 
 
 class _Step(NamedTuple):
-    """A new point, gaps over its period, missed crossings, points at a border of two orders of switches or its BP."""
+    """A new point, its missed crossings, points at a border of two orders of switches or its BP."""
 
     point: ExactPoint
-    samples: Samples
     missed: list[MissedCrossing]
     border: list[ExactPoint]
     crossed: list[SpecialExactPoint]
@@ -165,7 +163,7 @@ class Follower:
             orientation = normal = (ahead.z - state.z) / scale
         try:
             first = exact_point(self.family, state, normal, scale, orientation)
-            self._accept(first, self._gaps(first), 0.0)
+            self._accept(first, 0.0)
             while not self._ended():
                 self._advance()
         except (NoConvergence, InconsistentPatternError) as error:
@@ -192,7 +190,7 @@ class Follower:
         while True:
             length = self._limited_length(last, self.step)
             try:
-                point, samples, missed, border, crossed = self._next_point(last, length)
+                point, missed, border, crossed = self._next_point(last, length)
                 if _turns(last, point):
                     raise NoConvergence("the curve turns sharply", last.state.z, {}, [])
                 change = multiplier_change(last, point)
@@ -219,7 +217,7 @@ class Follower:
         if self._leaves_span(point):
             self._finish(last, point)
             return
-        self._add(point, samples, length, special)
+        self._add(point, length, special)
         self._search_asymptote(point)
         vanishing = [] if self.curve.message else self._vanishing_contacts(point)
         if vanishing:
@@ -237,8 +235,8 @@ class Follower:
             if self.special:
                 border, crossed = self._border(last, point, exchanges)
             point = self._exchanged(point, exchanges)
-        samples, missed = sample_gaps(ode, point.state.iterate)
-        return _Step(_rescaled(point, self.width), samples, missed, border, crossed)
+        missed = sample_gaps(ode, point.state.iterate)[1]
+        return _Step(_rescaled(point, self.width), missed, border, crossed)
 
     def _border(
         self, last: ExactPoint, point: ExactPoint, exchanges: list[int]
@@ -310,10 +308,9 @@ class Follower:
         state, growing = with_contacts(self.family, grazing, exact.scale)
         scale = state.scale(self.width)
         first = exact_point(self.family, state, growing, scale, growing)
-        samples = self._gaps(first)
-        self._add(exact, self._gaps(exact), 0.0, self._special_points(last, exact))
+        self._add(exact, 0.0, self._special_points(last, exact))
         self.curve.marks.append(CurveMark("GR", len(self.curve.points) - 1, tuple(grazing.contacts)))
-        self._accept(first, samples, 0.0)
+        self._accept(first, 0.0)
         self.step = grazing.first_duration * self.family(first.state.value).period
 
     def _pass_closing(self, point: ExactPoint, visits: list[Visit]) -> None:
@@ -321,7 +318,7 @@ class Follower:
         guess, contacts = without_contacts(self.family, point.state, visits)
         grazing = locate_grazing(self.family, guess, contacts, guess.scale(self.width))
         exact = self._grazing_point(grazing, None)
-        self._accept(exact, self._gaps(exact), 0.0)
+        self._accept(exact, 0.0)
         self.curve.marks.append(CurveMark("GR", len(self.curve.points) - 1, tuple(grazing.contacts)))
         self.step = 1e-4
 
@@ -366,11 +363,11 @@ class Follower:
         return [special for a, b in pairwise(points) if a.state.pattern == b.state.pattern
                 for special in special_points(self.family, a, b)]  # fmt: skip
 
-    def _add(self, point: ExactPoint, samples: Samples, length: float, special: list[SpecialExactPoint]) -> None:
+    def _add(self, point: ExactPoint, length: float, special: list[SpecialExactPoint]) -> None:
         """Accept a point after the special points between the last point and it."""
         norm = _reversed_difference(self.curve.points[-1].state, point.state) if special else 0.0
         for kind, _, exact in special:
-            self._accept(exact, self._gaps(exact), 0.0)
+            self._accept(exact, 0.0)
             if norm and np.linalg.norm(_difference_of_halves(exact.state)) < SHORTER_PERIOD_DIFFERENCE * norm:
                 self.curve.marks.append(CurveMark("EP", len(self.curve.points) - 1))
                 self.curve.status = Status.MERGED
@@ -381,18 +378,13 @@ class Follower:
                 self.curve.status = Status.CLOSED
                 self.curve.message = f"the curve closed after {len(self.curve.points)} points"
                 return
-        self._accept(point, samples, length)
+        self._accept(point, length)
 
-    def _accept(self, point: ExactPoint, samples: Samples, length: float) -> None:
+    def _accept(self, point: ExactPoint, length: float) -> None:
         """Store a point."""
         self.curve.points.append(point)
-        self.curve.samples.append(samples)
         self.curve.steps.append(length)
         self.report(point.state.value, len(self.curve.points), length)
-
-    def _gaps(self, point: ExactPoint) -> Samples:
-        """Return the gaps over a period at a point."""
-        return sample_gaps(self.family(point.state.value), point.state.iterate)[0]
 
     def _leaves_span(self, point: ExactPoint) -> bool:
         """Return whether a point lies outside the span."""
@@ -409,7 +401,7 @@ class Follower:
         z = between.z.copy()
         z[-1] = end
         final = exact_point(self.family, between.with_z(z), normal, scale, last.tangent)
-        self._add(final, self._gaps(final), self.step, self._special_points(last, final))
+        self._add(final, self.step, self._special_points(last, final))
         reached = end == self.span[1]
         self.curve.status = Status.REACHED_END if reached else Status.LEFT_SPAN
         self.curve.message = f"{self.name} = {end:.6g} reached" if reached else (

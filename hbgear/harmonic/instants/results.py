@@ -16,7 +16,6 @@ from hbgear.continuation.results.branch import Branch
 from hbgear.harmonic.instants.corrector import Family
 from hbgear.harmonic.instants.following import ExactCurve
 from hbgear.harmonic.instants.observables import observed_motion, relative_residual
-from hbgear.harmonic.instants.sampling import Samples
 from hbgear.harmonic.instants.special_points.critical import ExactPoint
 
 EXACT_ERRORS = {"BP": 1e-7, "EP": 1e-7}
@@ -58,8 +57,8 @@ def build_exact_branch(
         The branch, without jumps.
     """
     points = [
-        _curve_point(problem, family, point, samples, step, stability)
-        for point, samples, step in zip(curve.points, curve.samples, curve.steps, strict=True)
+        _curve_point(problem, family, point, step, stability)
+        for point, step in zip(curve.points, curve.steps, strict=True)
     ]
     for before, point in zip([points[0], *points], points, strict=False):
         if point.parameter_direction == 0:
@@ -81,9 +80,7 @@ def _grazing_text(problem: Any, switch: Any) -> str:
     return f"{GRAZING_NOTE[switch.sign]} of {element.name} at {element.law.breakpoints[switch.breakpoint]:g}"
 
 
-def _curve_point(
-    problem: Any, family: Family, point: ExactPoint, samples: Samples, step: float, stability: bool
-) -> CurvePoint:
+def _curve_point(problem: Any, family: Family, point: ExactPoint, step: float, stability: bool) -> CurvePoint:
     """Return a point of a branch: harmonics, multipliers, regime."""
     ode, iterate = family(point.state.value), point.state.iterate
     u, observed = observed_motion(ode, iterate, problem.H, [point.state.value])
