@@ -259,6 +259,7 @@ class BackboneProblem(ContinuationProblem):
         amplitude = parameters[AMPLITUDE]
         alternating = d * self._alternating
         rms = norm(alternating) / np.sqrt(2.0)
+        # the conditions of phase and amplitude weigh as much as the balance
         weight = size / amplitude
         out, A = np.empty(n + 2), np.zeros((n + 2, n + 2))
         out[:n], out[n], out[n + 1] = R, weight * (self._phase @ d), weight * (rms - amplitude)
@@ -399,6 +400,7 @@ def _linear_part(evaluator: Evaluator, Omega: float, D: float) -> tuple[LinearPa
     matrices, k = _matrices(evaluator), evaluator.orders[1:, None, None]
     value = _dynamic_stiffness(matrices, evaluator.orders[1:], Omega, D)
     W = np.broadcast_to(s.W, (len(value), *s.W.shape))
+    # left and right solutions of a symmetric stiffness are the same
     Q = np.linalg.solve(value, W)
     Lt = (Q if _are_symmetric(matrices) else np.linalg.solve(value.transpose(0, 2, 1), W)).transpose(0, 2, 1)
     G, damped, inertial = W.transpose(0, 2, 1) @ Q, Lt @ (s.C @ Q), Lt @ (s.M @ Q)

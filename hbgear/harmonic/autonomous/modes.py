@@ -104,6 +104,7 @@ def _undamped_modes(M: Array, K: Array) -> tuple[Array, Array]:
     masses, motions = scipy.linalg.eigh(M / np.outer(scale, scale))
     zero = masses <= _MASSLESS_RATIO * masses[-1]
     R, N = motions[:, ~zero] / scale[:, None], motions[:, zero] / scale[:, None]
+    # motions without mass follow the others statically
     T = R - N @ (np.linalg.pinv(N.T @ K @ N, hermitian=True) @ (N.T @ K @ R))
     squares, V = scipy.linalg.eigh(R.T @ K @ T, np.diag(masses[~zero]))
     return squares, T @ V

@@ -79,6 +79,7 @@ def repeated_motion(motion: SampledMotion, harmonics: int) -> tuple[float, Array
             f"{LARGEST_DISTANCE:g} is allowed; integrate longer, until a periodic motion is reached"
         )
     before, middle, after = distance[end - 1 : end + 2] ** 2
+    # the return lies at the minimum of a parabola through three squared distances, between the samples
     bend = before - 2 * middle + after
     shift = 0.5 * (before - after) / bend if bend > 0 else 0.0
     period = float(t[-1] - t[end] - shift * (t[1] - t[0]))

@@ -52,6 +52,7 @@ def find_motion(problem: Any, parameters: dict[str, float]) -> Array:
     for guess in guesses():
         with suppress(NoConvergence):
             return newton_homotopy(problem, guess, parameters).X
+    # a fold may end the motions near these guesses; at another frequency they can be close to a motion
     X = continue_from_nearby_frequency(problem, parameters)
     if X is None:
         raise failure

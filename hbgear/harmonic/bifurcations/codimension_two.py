@@ -198,6 +198,7 @@ class ResonanceEvent(CodimensionTwoEvent):
 
         try:
             before, value, after = (type(self).function(equations, *point_at(distance)) for distance in (-h, 0.0, h))
+            # Newton step along the curve of motions to the zero of the function
             distance = -2 * h * value / (after - before)
             nearby, changed = point_at(distance)
             mu = balance.multipliers(nearby, **changed)
@@ -327,6 +328,7 @@ def cubic_coefficient(problem: Any, X: Array, parameters: dict[str, float]) -> t
         step = t / size
         return [jacobian(k * step * direction) for k in (-2, -1, 1, 2)], step
 
+    # first and second derivatives along v by five points, with errors of fourth order
     (A, B, C, D), step = jacobians_along(v)
     first, second = (A - 8 * B + 8 * C - D) @ v / (12 * step), (-A + 16 * B + 16 * C - D) @ v
     middle = jacobian(np.zeros(len(embedded)))

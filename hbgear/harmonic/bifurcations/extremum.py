@@ -173,6 +173,7 @@ class ExtremumPeak(AmplitudeExtremum):
         c = np.exp(-1j * k * positions[:, None])
         w, w1, w2 = to_real(np.array([c, -1j * k * c, -(k**2) * c]))
         slope[self.element] = sign @ w
+        # the extremum moves by -(w1 direction) / (w2 row) in phase
         curvature[self.element] = -(sign * (w1 @ direction) / (w2 @ row)) @ w1
         return slope.ravel(), curvature.ravel()
 

@@ -104,6 +104,7 @@ class GrazingEvent(ThresholdEvent):
             return None
         before, after = clearances
         with np.errstate(divide="ignore", invalid="ignore"):
+            # linear extrapolation: lengths of the segment from its end to each contact
             distances = np.where(before * after > 0, after / (before - after), np.inf)
         distances[~(distances > 0)] = np.inf
         nearest = int(np.argmin(distances)) if distances.size else 0

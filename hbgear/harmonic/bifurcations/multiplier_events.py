@@ -254,6 +254,7 @@ class NeimarkSackerEvent(BuiltInEvent):
             or segment.a.orientation != segment.b.orientation
         )
         explained = int(passes_real) + int(da * db < 0)
+        # a fold, branch point or doubling changes the number by one, a complex pair by two
         if abs(ua - ub) - explained >= 2:
             return self._locate_simultaneous(segment, ends)
         return self._locate_compensated(segment, ends) if explained or ua != ub else []  # ends may be special points

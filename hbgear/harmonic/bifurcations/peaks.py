@@ -180,6 +180,7 @@ class AmplitudePeakEvent(BuiltInEvent):
         """Return the fraction of a segment at which the interpolated amplitude is largest, by a parabola."""
         s = np.linspace(0.0, 1.0, AMPLITUDE_SAMPLES)
         A = self._amplitude(segment, segment.guess(s[:, None])[:, :-1])
+        # a parabola through the largest sample and its neighbours
         i = min(max(int(np.argmax(A)), 1), AMPLITUDE_SAMPLES - 2)
         before, value, after = A[i - 1 : i + 2].tolist()
         curvature = before - 2 * value + after

@@ -143,6 +143,7 @@ class ThresholdProblem(MinimallyAugmentedProblem):
         rows = X[: slopes[0].size].reshape(slopes[0].shape)
         directions = np.concatenate([self.following(rows, slope) for slope in slopes])
         derivatives = np.array([dg, *(self._threshold_derivative(X, parameters, name, i) for i in simultaneous)])
+        # there may be more directions than thresholds: the smallest change is used
         factors = np.linalg.lstsq(np.tensordot(slopes, directions, ((1, 2), (1, 2))), -derivatives)[0]
         return _padded(np.tensordot(factors, directions, 1), len(X))
 

@@ -89,6 +89,7 @@ class HarmonicSelection:
         low, high = 0, 1
         while 2 * len(self.selected(high, nu)) - 1 < n and high < HIGHEST * nu:
             low, high = high, 2 * high
+        # the number of orders grows with H, so that H is bracketed and bisected
         while low < high:
             middle = (low + high) // 2
             low, high = (middle + 1, high) if 2 * len(self.selected(middle, nu)) - 1 < n else (low, middle)

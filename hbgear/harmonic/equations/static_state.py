@@ -53,6 +53,7 @@ def static_states(compiled: Evaluator, Omega: float) -> Iterator[Static]:
         yield at_rest
     lengths = _characteristic_lengths(compiled, Omega) * _load_signs(compiled, Omega)
     rejected = []
+    # closed contacts on either side, near the breakpoints and far beyond them
     for side in (1.5, -1.5, 4.0, -4.0):
         state = _solve_static(compiled, Omega, side * lengths)
         if state.stable:

@@ -147,6 +147,7 @@ class SampledLaws:
         phases = [(phase % period + period * k) / self.nu for phase in law.phases for k in range(self.nu)]
         boundaries = np.unique(np.concatenate([phases, crossings % period]))
         intervals = list(pairwise([*boundaries.tolist(), boundaries[0] + period]))
+        # intervals in which the law exerts no force need no panels
         probe = Panels([np.array(interval) for interval in intervals], self.nu, EDGE_GAUSS_POINTS)
         acts = np.any(probe.forces(law, c, rate), axis=0).reshape(len(intervals), -1).any(axis=1)
         point_count = max(self._transform.N, BREAKPOINT_POINTS, BREAKPOINT_DENSITY * (len(c) - 1))

@@ -121,25 +121,12 @@ def piecewise_excitation(
         return _without_breakpoints(m, S, H, len(truncated_orders))
     e = [element.displacement for element in elements]
     gaps = [_segments_of(function, nu).scaled(-1.0) if function.corners else None for function in e]
-    with_breakpoints = [j for j in range(m) if e[j].corners]
-    retained, truncated = np.zeros((H + 1, m), dtype=complex), np.zeros((len(truncated_orders), m), dtype=complex)
-    for j in with_breakpoints:
-        c = np.zeros(2 * H + 1, dtype=complex)
-        harmonics = to_complex(stretch(e[j].row(2 * H // nu), nu))
-        c[: len(harmonics)] = harmonics
-        retained[orders, j], truncated[:, j] = c[orders], c[truncated_orders]
+    retained, truncated = _harmonics_with_breakpoints(e, H, nu, orders, truncated_orders)
     highest = max([0, *(spring.law.stiffness.order for spring in springs)]) * nu
     length = 8 * H + highest + 1
-    level_of = [None] * m + [moving.level for moving in levels]
-    spring_tables = [
-        _stiffness_segments(
-            spring.law.stiffness, e[spring.element], cast(Phased | None, level_of[spring.displacement]), nu, length
-        )
-        if spring.law.stiffness.corners or e[spring.element].corners or spring.displacement >= m else None
-        for spring in springs
-    ]  # fmt: skip
+    spring_tables = _spring_tables(packing, e, nu, length)
+    tables = [table for table in spring_tables if table]
     counts = [len(table[0].at) if table else 0 for table in spring_tables]
-    integrals = [table[2] for table in spring_tables if table]
     level_tables = [
         _level_table(
             e[moving.element],
@@ -164,13 +151,42 @@ def piecewise_excitation(
         retained=np.ascontiguousarray(retained[:, [*range(m), *(moving.element for moving in levels)]]),
         truncated=truncated,
         spring_offsets=_first_indices(counts),
-        spring_starts=np.concatenate([np.empty(0), *(table[0].at for table in spring_tables if table)]),
-        stiffness=_stack_padded([table[0].rows for table in spring_tables if table], 4),
-        integrals=_concatenate_integrals(integrals, counts, S, length),
-        gap_force=_stack_padded([table[1].rows for table in spring_tables if table], 7),
+        spring_starts=np.concatenate([np.empty(0), *(k.at for k, *_ in tables)]),
+        stiffness=_stack_padded([k.rows for k, *_ in tables], 4),
+        integrals=_concatenate_integrals([moments for *_, moments in tables], counts, S, length),
+        gap_force=_stack_padded([kw.rows for _, kw, _ in tables], 7),
         gap_powers=_powers(gaps, cubic, length),
         grid=_grid(e, retained, nu, N),
     )
+
+
+def _harmonics_with_breakpoints(
+    e: Sequence[Phased], H: int, nu: int, orders: np.ndarray, truncated_orders: np.ndarray
+) -> tuple[ComplexArray, ComplexArray]:
+    """Return `PiecewiseExcitation.retained` and `truncated` of the prescribed displacements."""
+    retained = np.zeros((H + 1, len(e)), dtype=complex)
+    truncated = np.zeros((len(truncated_orders), len(e)), dtype=complex)
+    for j in (j for j, function in enumerate(e) if function.corners):
+        c = np.zeros(2 * H + 1, dtype=complex)
+        harmonics = to_complex(stretch(e[j].row(2 * H // nu), nu))
+        c[: len(harmonics)] = harmonics
+        retained[orders, j], truncated[:, j] = c[orders], c[truncated_orders]
+    return retained, truncated
+
+
+def _spring_tables(
+    packing: Packing, e: Sequence[Phased], nu: int, length: int
+) -> list[tuple[Pieced, Pieced, ComplexArray] | None]:
+    """Return `_stiffness_segments` of each spring; None for a spring without breakpoints in the phase."""
+    m = len(e)
+    level_of = [None] * m + [moving.level for moving in packing.levels]
+    return [
+        _stiffness_segments(
+            spring.law.stiffness, e[spring.element], cast(Phased | None, level_of[spring.displacement]), nu, length
+        )
+        if spring.law.stiffness.corners or e[spring.element].corners or spring.displacement >= m else None
+        for spring in packing.springs
+    ]  # fmt: skip
 
 
 def _phases(law: Law) -> Iterable[float]:

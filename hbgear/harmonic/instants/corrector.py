@@ -200,6 +200,7 @@ def solve_in_plane(
         ode = equations(p)
         linearised = linearise(ode, state.iterate)
         bordered[:-k, :-k] = linearised.J
+        # F_p takes one more evaluation for each parameter; near the last place it is used again
         if distance > VALID_DISTANCE:
             distance = 0.0
             for i, h in enumerate(FORWARD_STEP * np.maximum(np.abs(p), 1e-3)):

@@ -229,6 +229,7 @@ class StateSpace:
         M, C, K = (dense(A) for A in (system.M, C, K))
         W, n = system.W, system.n
         self.W, self.damping = W, np.array([e.damping for e in system.elements])
+        # states of one size: coordinates in units of the root of their mass, time in units of the fastest spring
         s = 1.0 / np.sqrt(np.abs(np.diag(M)) + (np.diag(M) == 0) * (np.abs(np.diag(M)).max() or 1.0))
         references = np.array([e.law.reference for e in system.elements])
         closed = K + (W * references) @ W.T

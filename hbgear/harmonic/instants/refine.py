@@ -178,6 +178,7 @@ def initial(ode: EquationsAt, approximation: Approximation) -> Iterate:
         )
     events = sorted(events, key=lambda event: event[0]) or [(0.0, Switch(-1, 0, 0))]
     tau = np.array([phase for phase, _ in events])
+    # the period begins after its longest segment, in whose middle the contacts are certain
     longest = int(np.argmax(np.diff(np.append(tau, tau[0] + ode.period))))
     rotation = np.roll(np.arange(len(tau)), -longest - 1)
     tau = np.where(rotation <= longest, tau[rotation] + ode.period, tau[rotation])

@@ -54,6 +54,7 @@ def hill_multipliers(compiled: Evaluator, X: Array, Omega: float) -> ComplexArra
         )
     k, K = np.arange(-H, H + 1), _two_sided(slopes(compiled, X))
     matrix = -np.einsum("rj,jkl,js->krls", modes.input, K, modes.output)
+    # harmonic k of a mode turns with its pole minus i k omega
     diagonal = np.arange(r)
     matrix[np.arange(2 * H + 1)[:, None], diagonal, np.arange(2 * H + 1)[:, None], diagonal] += (
         modes.poles - 1j * (Omega / compiled.nu) * k[:, None]

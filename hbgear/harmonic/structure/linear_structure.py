@@ -249,6 +249,7 @@ class LinearStructure:
         """
         references, s = self.kr, self._scale
         M, C = (A * np.outer(s, s) for A in (self.M, self.C))
+        # damping in proportion to K is modal only without the reference springs
         for factor in (1.0, 0.0):
             kr = factor * references
             K = dense(system.K) + (self.W * kr) @ self.W.T
@@ -267,14 +268,8 @@ class LinearStructure:
             poles = np.concatenate([-delta + 0.5 * pole_difference, -delta - 0.5 * pole_difference])
             right = np.tile(s[:, None] * V, 2).astype(complex)
             left = right.T / np.concatenate([pole_difference, -pole_difference])[:, None]
-            return Modes(
-                poles,
-                right,
-                left,
-                self.W.T @ right,
-                left @ self.W,
-                float(np.max(np.abs(poles[: self.n]) / np.abs(pole_difference))),
-            )
+            condition = float(np.max(np.abs(poles[: self.n]) / np.abs(pole_difference)))
+            return Modes(poles, right, left, self.W.T @ right, left @ self.W, condition)
         return None
 
     @property
@@ -348,6 +343,7 @@ class LinearStructure:
         A = np.zeros((2 * size, 2 * size))
         A[:size, size:], A[size:, :size], A[size:, size:] = frequency_scale * np.eye(size), -K / frequency_scale, -C
         if disturbance:
+            # different disturbances of the states separate the eigenvectors of a defective matrix
             A += disturbance * frequency_scale * np.diag(np.linspace(-1.0, 1.0, 2 * size) ** 3)
         Z = None if free.shape[1] else _without_drift(self, frequency_scale)
         poles, V = np.linalg.eig(A if Z is None else Z.T @ A @ Z)

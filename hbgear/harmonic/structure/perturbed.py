@@ -174,6 +174,7 @@ class PerturbedStructure(LinearStructure):
         L, dL, Q = self._expansion.solutions(s, self.W, F)
         EQ = np.zeros_like(Q)  # E Q, and its derivative
         for power, A in self._changes:
+            # A is real: real and imaginary parts are multiplied as twice as many real columns
             term = (A @ Q.reshape(self.n, -1).view(float)).view(complex).reshape(Q.shape)
             if power:
                 powered = s[:, None] ** power * term

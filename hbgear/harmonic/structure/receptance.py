@@ -174,6 +174,7 @@ class Receptance:
             residues = (output[:, None, :] * modes.input[:, elements].T).reshape(m * m, len(poles))
             driven = [output * (modes.left @ load.amplitudes) for load in self._loads]
             residues = np.concatenate([residues, *driven])
+            # near poles first: the kernels sum the far ones as a power series
             order = np.argsort(np.abs(poles), kind="stable")
             poles, residues = poles[order], residues[:, order]
         loads = np.array([(load.power, load.position) for load in self._loads], dtype=np.int64).reshape(-1, 2)

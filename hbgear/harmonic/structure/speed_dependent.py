@@ -69,6 +69,7 @@ class SpeedDependentStructure(LinearStructure):
         Q, L = np.empty((len(ratio), *F.shape), dtype=complex), np.empty((len(ratio), self.n, self.m), dtype=complex)
         moving = ratio > 0 if self._has_free_motion(K) else np.full(len(ratio), True)
         Q[moving] = np.linalg.solve(D[moving], np.broadcast_to(F, Q[moving].shape))
+        # adjoint solutions: with them dG = -L^T dD Q needs no further solution
         L[moving] = np.linalg.solve(D[moving].transpose(0, 2, 1), np.broadcast_to(self.W, L[moving].shape))
         if not moving.all():
             static = flexibility(K, self._scale)

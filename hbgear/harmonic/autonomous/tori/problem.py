@@ -204,6 +204,7 @@ class TorusProblem(ContinuationProblem):
         rates = None if forces.damping is None else np.array([basis.product(s) for s in forces.damping])
         if rates is not None:
             slopes = slopes + np.array([_after_derivative(matrix, w) for matrix in rates])
+        # the receptances G contain the reference springs
         slopes[:, np.arange(basis.width), np.arange(basis.width)] -= kr[:, None]
         A = np.zeros((n + 1, n + 1))
         A[:n, :n] = _applied(G, slopes, len(basis.k)).reshape(n, n)
@@ -219,9 +220,7 @@ class TorusProblem(ContinuationProblem):
             rate[:n] = self._in_frequency(0, change, G, rates, d) / self.balance.nu + constant
         elif name:
             values = {**parameters, SECOND: unknown[SECOND]}
-            (rate,) = parameter_derivatives(
-                self, name, values, lambda p: (self.linearise(X, "", **{k: v for k, v in p.items() if k != SECOND}).R,)
-            )
+            (rate,) = parameter_derivatives(self, name, values, lambda p: (self.linearise(X, "", **p).R,))
         return Evaluation(out, A, rate, size)
 
     def _in_frequency(self, i: int, change: ComplexArray, G: ComplexArray, rates: Array | None, d: Array) -> Array:

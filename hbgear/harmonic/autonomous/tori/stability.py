@@ -307,6 +307,7 @@ def _average(flow: _Flow, periods: int) -> tuple[float, float]:
         if t is not None:
             w -= t[p + 1] * (t[p + 1].conj() * w).sum(axis=1, keepdims=True)
         size = np.linalg.norm(w, axis=1)
+        # the disturbance is scaled to unit size in every period, so that it does not overflow
         logs[p] = np.log(size)
         w /= size[:, None]
     logs = logs[int(_WARM_UP * periods) :]

@@ -102,6 +102,7 @@ def _distance(family: Family, state: CurveState, grazing: Grazing) -> tuple[Arra
     value = np.array([row @ y - level, row @ rate])
     gradient = np.stack([row @ Y[:, :r], row @ rates(flow, t, Y.T).T[:, :r]])
     h = 1e-6
+    # d2h/dt2 by a central difference of the rates
     after, before = (rates(flow, t + d, y + d * rate) for d in (h, -h))
     return value, gradient, i, float(row @ (after - before)) / (2 * h)
 

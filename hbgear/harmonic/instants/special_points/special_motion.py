@@ -129,6 +129,7 @@ class SpecialMotions:
             g = last.test(point)
             if count > 1 and c != last_value[0]:
                 slope = (g - last_value[1]) / (c - last_value[0])
+            # secant method, which needs no gradient of g beyond the first one
             change = -g / slope if slope else math.inf
             if not abs(c + change) <= (MAX_CORRECTION_OF_POINT * length or MAX_DISTANCE_OF_GUESS):
                 break
