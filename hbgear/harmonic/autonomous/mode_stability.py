@@ -293,14 +293,10 @@ class _Path:
 
     def changes(self, first: int, last: int) -> Iterator[tuple[float, str]]:
         """Yield position and kind of the changes between points whose stability is defined, at and between them."""
-        margins = np.array([spectrum.margins for spectrum in self.spectra[first : last + 1] if spectrum is not None])
-        certain = [
-            np.abs(spectrum.margins) > spectrum.tolerances
-            for spectrum in self.spectra[first : last + 1]
-            if spectrum is not None
-        ]
+        spectra = [spectrum for spectrum in self.spectra[first : last + 1] if spectrum is not None]
+        margins, tolerances = (np.array([getattr(s, name) for s in spectra]) for name in ("margins", "tolerances"))
         for index, kind in enumerate(_KINDS):
-            m, sure = margins[:, index], np.flatnonzero([row[index] for row in certain])
+            m, sure = margins[:, index], np.flatnonzero(np.abs(margins[:, index]) > tolerances[:, index])
             for a, b in pairwise(sure.tolist()):
                 if m[a] * m[b] < 0:  # the last change of sign, through uncertain points
                     k = first + a + int(np.flatnonzero(m[a:b] * m[b] < 0)[-1])

@@ -189,7 +189,7 @@ class RegisteredMeasurePeak(AmplitudeExtremum):
     """
 
     def _weights(self, measure: str, element: int) -> Array:
-        check_peaks("peaks", measure)
+        check_peaks(measure)
         return np.zeros((self.problem.m, 2 * len(self.problem.orders) - 1))
 
     def slopes(self, X: Array, t: Array, parameters: dict[str, float]) -> tuple[Array, Array]:

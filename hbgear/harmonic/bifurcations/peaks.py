@@ -81,7 +81,7 @@ def locate_peaks(
     branch: Branch, measure: str, element: int | str, share: float
 ) -> list[tuple[int, Segment, LocatedEvent]]:
     """Locate the peaks of the equations of the branch, each with its highest point and the segment around it."""
-    check_peaks("peaks", measure)
+    check_peaks(measure)
     layout = layout_of(branch)
     if branch.problem is None or layout is None:
         raise ValueError("peaks need the problem; load the branch with load(path, problem=HarmonicBalance(...))")

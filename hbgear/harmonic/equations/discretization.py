@@ -195,10 +195,8 @@ class Discretization:
     @property
     def refinable(self) -> bool:
         """Whether 2H harmonics are within the limits of a refined problem."""
-        if self.selection is not None:
-            return self.fits(2 * self.H, MAX_REFINED_UNKNOWNS)
-        fits = self.m * (4 * self.H + 1) <= MAX_REFINED_UNKNOWNS
-        return fits and MAX_AUTOMATIC_HARMONICS * self.nu >= 2 * self.H
+        is_in_range = self.selection is not None or MAX_AUTOMATIC_HARMONICS * self.nu >= 2 * self.H
+        return is_in_range and self.fits(2 * self.H, MAX_REFINED_UNKNOWNS)
 
     # ---- unknowns
 

@@ -403,13 +403,11 @@ def check_measure(caller: str, name: str) -> None:
         raise ValueError(f"{caller}: no measure '{name}'; there are {', '.join(MEASURES)}, H1, H2, ...")
 
 
-def check_peaks(caller: str, name: str) -> None:
+def check_peaks(name: str) -> None:
     """Raise an error for a measure whose peaks cannot be located.
 
     Parameters
     ----------
-    caller : str
-        Name of the function, for the message.
     name : str
         Name of the measure.
 
@@ -418,11 +416,11 @@ def check_peaks(caller: str, name: str) -> None:
     ValueError
         If there is no such measure, or it was registered with ``peaks=False``.
     """
-    check_measure(caller, name)
+    check_measure("peaks", name)
     if name in MEASURES and not MEASURES[name].peaks:
         usable = ", ".join(key for key, entry in MEASURES.items() if entry.peaks)
         raise ValueError(
-            f"{caller}: peaks of '{name}' cannot be located, because it is registered with peaks=False; "
+            f"peaks of '{name}' cannot be located, because it is registered with peaks=False; "
             f"use {usable} or H1, H2, ..."
         )
 

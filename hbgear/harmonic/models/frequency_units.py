@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -37,15 +36,10 @@ def model_of(branch: Branch) -> Model | None:
 
 def scales(model: Model | None, parameters: Mapping[str, float]) -> dict[str, float]:
     """Return Hz and r/min at Omega = 1 with these parameters; an empty dict if the model has no physical scales."""
-    source: Any = model
-    physical = getattr(source, "scales", None)
-    if not physical and not (hasattr(source, "mesh_frequency") and hasattr(source, "pinion_speed")):
+    physical = scales_with(model, parameters)
+    if physical is None:
         return {}
-    if parameters:
-        source = source.at(parameters)
-        physical = getattr(source, "scales", None)
-    source = physical or source
-    return {MESH: float(source.mesh_frequency(1.0)), PINION: float(source.pinion_speed(1.0))}
+    return {MESH: float(physical.mesh_frequency(1.0)), PINION: float(physical.pinion_speed(1.0))}
 
 
 def length_scale(model: Model | None, parameters: Mapping[str, float]) -> float | None:
@@ -61,7 +55,7 @@ def scales_at(branch: Branch, row: int) -> Scales | None:
 
 def scales_with(model: Model | None, parameters: Mapping[str, float]) -> Scales | None:
     """Return the scales of a model with these parameters; None if it has none."""
-    physical = None if model is None else model.scales
+    physical: Scales | None = getattr(model, "scales", None)  # a problem of the user may have a model of another kind
     return physical if model is None or physical is None or not parameters else model.at(parameters).scales
 
 
