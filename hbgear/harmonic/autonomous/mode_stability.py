@@ -294,7 +294,8 @@ class _Path:
     def changes(self, first: int, last: int) -> Iterator[tuple[float, str]]:
         """Yield position and kind of the changes between points whose stability is defined, at and between them."""
         spectra = [spectrum for spectrum in self.spectra[first : last + 1] if spectrum is not None]
-        margins, tolerances = (np.array([getattr(s, name) for s in spectra]) for name in ("margins", "tolerances"))
+        margins = np.array([spectrum.margins for spectrum in spectra])
+        tolerances = np.array([spectrum.tolerances for spectrum in spectra])
         for index, kind in enumerate(_KINDS):
             m, sure = margins[:, index], np.flatnonzero(np.abs(margins[:, index]) > tolerances[:, index])
             for a, b in pairwise(sure.tolist()):

@@ -237,7 +237,7 @@ class PeriodicMotions(HarmonicEquations):
     ) -> None:
         """Replace truncation errors by the errors of resolution where these are larger.
 
-        The error of resolution is the Newton step with twice the harmonics; see `hbgear.harmonic.equations.motion`.
+        The error of resolution is the Newton step with twice the harmonics; see `hbgear.harmonic.balance.resolution`.
         """
         add_resolution_error(self, X, name, values, seen, parameters)
 

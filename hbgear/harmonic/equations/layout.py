@@ -474,6 +474,16 @@ def _names(H: int, nu: int) -> str:
     return ", ".join([*MEASURES, *(orders if H <= 4 else [*orders[:2], "...", orders[-1]])])
 
 
+def element_index(elements: Sequence[str], element: int | str) -> int:
+    """Return the index of an element given by index or name; raise KeyError if there is none."""
+    if isinstance(element, str):
+        if element in elements:
+            return elements.index(element)
+    elif 0 <= element < len(elements):
+        return int(element)
+    raise KeyError(f"no element {element!r}; there are {', '.join(map(repr, elements))} (or by number from 0)")
+
+
 @dataclass(frozen=True)
 class Layout:
     """Meaning of the unknowns X of a harmonic balance.
@@ -519,12 +529,7 @@ class Layout:
 
     def index(self, element: int | str) -> int:
         """Return the index of an element given by index or name; the KeyError lists the elements."""
-        if isinstance(element, str):
-            if element in self.elements:
-                return self.elements.index(element)
-        elif 0 <= element < len(self.elements):
-            return int(element)
-        raise KeyError(f"no element {element!r}; there are {', '.join(map(repr, self.elements))} (or by number from 0)")
+        return element_index(self.elements, element)
 
     def rows(self, X: Array, element: int | str) -> Array:
         """Return the coefficients ``(..., 2H + 1)`` of an element; zero for harmonics that X does not contain."""

@@ -16,6 +16,7 @@ import numpy as np
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.facade import call
 from hbgear.harmonic.autonomous.tori.basis import TorusBasis
+from hbgear.harmonic.equations.layout import element_index
 
 SECOND = "Omega_2"
 """Name of the second frequency."""
@@ -74,11 +75,7 @@ class TorusLayout:
 
     def index(self, element: int | str) -> int:
         """Return the index of an element, given by index or name."""
-        if isinstance(element, str) and element in self.elements:
-            return self.elements.index(element)
-        if not isinstance(element, str) and 0 <= element < len(self.elements):
-            return int(element)
-        raise KeyError(f"no element {element!r}; there are {', '.join(map(repr, self.elements))} (or by number from 0)")
+        return element_index(self.elements, element)
 
     def rows(self, X: Array, element: int | str) -> Array:
         """Return the unknowns (..., 2K - 1) of an element."""
