@@ -86,6 +86,33 @@ def test_neimark_sacker_points_end_at_the_resonance(symmetric):
     assert end.parameters["Omega"] == pytest.approx(0.9493419784674177, abs=1e-10)
 
 
+@dataclass(frozen=True)
+class ScaledVanDerPol(hb.mechanics.Law):
+    """The law with lengths in units of L and times in units of T."""
+
+    L: float
+    T: float
+
+    def force(self, d, v, tau):
+        force, k, c = VanDerPol(EPS, 0.0).force(d / self.L, v * self.T / self.L, tau)
+        return force * self.L, k, c * self.T
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("L", "T"), [(1e-6, 1e-3), (1e3, 1e3)])
+def test_neimark_sacker_points_end_at_the_resonance_in_any_units(L, T):
+    @hb.mechanics.model
+    def scaled(F: float = 0.2 * L) -> hb.System:
+        spring = hb.Element([1.0], ScaledVanDerPol(L, T))
+        return hb.System([[T**2]], [[0.0]], [[1.0]], [spring], hb.Load(cosine={1: [F]}))
+
+    problem = hb.HarmonicBalance(scaled(), 9)
+    curve = hb.trace(problem, "Omega", (0.93 / T, 0.95 / T), at={"F": 0.203 * L}, accuracy=None)
+    held = hb.follow(curve, "NS1", "F", (0.203 * L, 0.1 * L), accuracy=None)
+    assert held["RI1"].parameters["F"] / L == pytest.approx(0.1924005883486835, abs=1e-10)
+    assert held["RI1"].parameters["Omega"] * T == pytest.approx(0.9493419784674177, abs=1e-10)
+
+
 @pytest.mark.slow
 def test_neimark_sacker_points_leave_the_resonance(symmetric):
     """Shooting: the product of the multipliers is 1, their sum below 2 and falling from the resonance on."""

@@ -170,3 +170,19 @@ def test_a_stop_out_of_reach_does_not_change_the_accuracy():
         for elements in ([cubic, far], [cubic])
     )
     np.testing.assert_allclose(with_stop.end, without.end, rtol=0, atol=1e-10)
+
+
+@pytest.mark.parametrize("L", [1e-9, 1e-6, 1e6])
+def test_a_level_of_an_amplitude_is_followed_in_any_unit_of_length(L):
+    """The same oscillator with lengths in other units: k3 L^-2, F L and the level L."""
+
+    def followed(L):
+        level = hb.Event("level", lambda point: point.amplitude("H1") - 0.4 * L)
+        problem = hb.HarmonicBalance(hb.Duffing(k3=1.0 / L**2, F=0.2 * L), 5)
+        curve = hb.trace(problem, "Omega", (0.5, 1.0), events=[level], accuracy=None)
+        found = hb.follow(curve, "level1", "zeta", (0.05, 0.2), accuracy=None)
+        assert found.status == "reached_end"
+        np.testing.assert_allclose(found.amplitude("H1") / L, 0.4, rtol=1e-9)
+        return found.tracked["Omega"][-1]
+
+    assert followed(L) == pytest.approx(followed(1.0), rel=1e-9)

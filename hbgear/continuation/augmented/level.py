@@ -17,6 +17,9 @@ from hbgear.continuation.problem.evaluation import AnyProblem
 from hbgear.continuation.problem.finite_differences import STEP, parameter_derivatives
 from hbgear.continuation.results.point import Point
 
+_USUAL_SIZE = 1e-3
+"""Size of an unknown that is zero."""
+
 
 class ScalarConditionProblem(MinimallyAugmentedProblem):
     """Equations of points at which a function of the point is zero.
@@ -92,9 +95,8 @@ class ScalarConditionProblem(MinimallyAugmentedProblem):
     def extra(self, X: Array, parameters: dict[str, float], names: Sequence[str], base: Borders) -> AugmentedResidual:
         """Return the equations; see `MinimallyAugmentedProblem.extra`."""
         evaluation = linearise(self.problem, X, self.parameter, parameters)
-        h = STEP * max(1e-3, norm(X))
         gradient = np.empty(len(X))
-        for i in range(len(X)):
+        for i, h in enumerate(STEP * self._sizes(X)):
             e = np.zeros(len(X))
             e[i] = h
             gradient[i] = (self.value(X + e, parameters) - self.value(X - e, parameters)) / (2 * h)
@@ -110,6 +112,12 @@ class ScalarConditionProblem(MinimallyAugmentedProblem):
             k * self._parameter_derivative(X, parameters, self.parameter),
             derivatives,
         )
+
+    def _sizes(self, X: Array) -> Array:
+        """Return the sizes of the unknowns: of the motion, and of each parameter, which has another unit."""
+        n = len(self.problem.split(X)[0])
+        sizes = np.append(np.full(n, norm(X[:n])), np.abs(X[n:]))
+        return np.where(sizes > 0.0, sizes, _USUAL_SIZE)
 
     def _parameter_derivative(self, X: Array, parameters: dict[str, float], name: str) -> float:
         """Return the derivative of the function in a parameter."""
