@@ -373,6 +373,19 @@ def in_speeds(branch: Branch, text: str, dimensionless: bool = False) -> str:
 _OMEGA = re.compile(r"Omega = (\d+(?:\.\d+)?(?:e[-+]?\d+)?)")
 
 
+_TORUS_SETTINGS = ("harmonics", "dense", "ratio", "band", "half")
+"""Settings of tori, which replace the harmonics and samples of the balance of their periodic motions."""
+
+
+def _settings_of(branch: Branch) -> dict[str, Any]:
+    """Return the settings of the equations of a branch by name."""
+    balance, torus = (branch.meta.get(name) for name in ("balance", "torus"))
+    settings = balance if isinstance(balance, dict) else {}
+    if not isinstance(torus, dict):
+        return settings
+    return {"nu": settings.get("nu")} | {name: torus.get(name) for name in _TORUS_SETTINGS}
+
+
 def summary_facts(branch: Branch, measure: str | None = None, dimensionless: bool = False) -> Iterator[tuple[str, str]]:
     """Yield name and text of each entry of the summary of a branch; entries without content have an empty text.
 
@@ -392,8 +405,7 @@ def summary_facts(branch: Branch, measure: str | None = None, dimensionless: boo
     """
     measure = measure or usual_measure(branch, dimensionless)
     stable, layout = branch.stable, branch.layout
-    balance = branch.meta.get("balance")
-    settings = balance if isinstance(balance, dict) else {}
+    settings = _settings_of(branch)
     yield "model", title_of(branch)
     yield "settings", ", ".join(f"{name} = {text_of(value)}" for name, value in settings.items() if value is not None)
     yield "fixed", ", ".join(f"{name} = {branch.fixed[name]:.6g}" for name in ("Omega",) if name in branch.fixed)

@@ -7,6 +7,7 @@ import pytest
 import scipy
 
 import hbgear as hb
+from hbgear.analysis.summary import summary_facts
 from hbgear.continuation.solvers.newton import solve
 
 RATIO = math.sqrt(2.0)
@@ -200,6 +201,12 @@ def test_harmonics_of_the_second_excitation_that_are_left_out():
         )
     w = 5 * curve.values[-1] * RATIO
     assert curve.error[-1] == pytest.approx(0.3 / abs(1 - w**2 + 0.1j * w) / math.sqrt(2), rel=1e-9)
+
+
+def test_the_summary_states_the_harmonics_of_both_phases():
+    few, load = hb.StepControl(max_points=2), hb.Load(cosine={1: [0.1]})
+    curve = hb.analysis.two_tones(duffing(0.05, 0.1, 0.1), RATIO, (0.6, 0.7), load=load, harmonics=(5, 3), steps=few)
+    assert dict(summary_facts(curve))["settings"] == "nu = 1, harmonics = (5,3), dense = 1, ratio = 1.41421"
 
 
 def test_figures_of_tori_accept_the_curve():
