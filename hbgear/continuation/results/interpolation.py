@@ -112,9 +112,9 @@ def interpolate_along(at: Array, x: Array, y: Array) -> Array:
     Examples
     --------
     >>> import numpy as np
-    >>> angle = np.linspace(-np.pi / 2, 0, 12)  # a quarter of a circle with a fold at its end
+    >>> angle = np.linspace(-np.pi / 2, 0, 24)  # a quarter of a circle with a fold at its end
     >>> y = interpolate_along(np.array([0.6, 0.999]), np.cos(angle), np.sin(angle))
-    >>> bool(np.abs(y + np.sqrt([0.64, 1 - 0.999**2])).max() < 1e-4)
+    >>> bool(np.abs(y + np.sqrt([0.64, 1 - 0.999**2])).max() < 1e-5)
     True
     """
     steps = np.hypot(*(np.diff(z) / (np.ptp(z) or 1.0) for z in (x, y)))
