@@ -475,7 +475,7 @@ def _names(H: int, nu: int) -> str:
 
 
 def element_index(elements: Sequence[str], element: int | str) -> int:
-    """Return the index of an element given by index or name; raise KeyError if there is none."""
+    """Return the index of an element given by index or name; the KeyError lists the elements."""
     if isinstance(element, str):
         if element in elements:
             return elements.index(element)
