@@ -146,21 +146,13 @@ def test_distance_from_a_torus_decays_at_the_rate_of_growth(masses):
     assert np.mean(logs[10:]) == pytest.approx(growth, abs=0.1 * abs(growth))
 
 
-def converted(X, source, target):
-    """Return unknowns of one basis in another one, cut or padded with zeros."""
-    c, out = source.to_complex(X), np.zeros(len(target.k), dtype=complex)
-    for k in source.positions.keys() & target.positions.keys():
-        out[target.positions[k]] = c[source.positions[k]]
-    return target.to_real(out)
-
-
 @pytest.mark.parametrize("harmonics", [(3, 3), (3, 4), (5, 4), (5, 6)])
 def test_stated_error_covers_the_truncation(masses, harmonics):
     """The growth of a torus with few harmonics differs from that of the fine one by less than its stated error."""
     i = int(np.argmin(np.abs(masses.values - 1.13)))
     at, fine = masses.parameters_at(i), math.log(abs(masses.multipliers[i, 0]))
     coarse = hb.harmonic.TorusProblem(masses.problem.balance, TorusBasis(*harmonics, odd=True))
-    rows = [converted(masses.layout.rows(masses.X[i], j), masses.layout.basis, coarse.basis) for j in (0, 1)]
+    rows = [coarse.basis.convert(masses.layout.rows(masses.X[i], j), masses.layout.basis) for j in (0, 1)]
     guess, here = np.append(np.concatenate(rows), at["Omega_2"]), {"Omega": at["Omega"]}
     X = solve(coarse.with_borders_at(guess, here), guess, here).X
     found = growth_of(coarse, X, here)

@@ -132,8 +132,8 @@ _SAME_VALUE = 1e-12
 def _in_family(branch: BranchData) -> NDArray[np.bool_]:
     """Return which points belong to a family at one value of the parameter, with a multiplier +1.
 
-    Motions of twice the period in a linear regime have any amplitude at the period doubling. They are neither stable
-    nor unstable, and the curve enters the family at a corner.
+    Motions of twice the period in a linear regime have any amplitude at the period doubling. Their stability is
+    neutral, and the curve has a corner where it meets the family.
     """
     same = np.abs(np.diff(branch.values)) <= _SAME_VALUE * np.abs(branch.values[1:])
     is_vertical = np.append(same, False) | np.append(False, same)

@@ -81,8 +81,7 @@ class Evaluator:
     python_forces : tuple of SampledLaws, SampledVectorLaws or DampedContacts
         Forces that Python adds, because the kernels cannot: laws evaluated by AFT, and damped contacts.
     aft_laws : tuple of (int, Law)
-        All laws evaluated by AFT, in Python or compiled, each with the number of its element. Their slopes have no
-        closed form.
+        Laws evaluated by AFT, in Python or compiled, with the numbers of their elements; slopes have no closed form.
     vectors : tuple of (ndarray, VectorLaw)
         Laws of several displacements, each with the numbers of its elements.
     damped : tuple of (int, Law)

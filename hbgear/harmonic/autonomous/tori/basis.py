@@ -149,3 +149,12 @@ class TorusBasis:
         """Return the values (..., T) at phases theta (T, 2)."""
         out: Array = (c @ np.exp(1j * (self.k @ theta.T))).real
         return out
+
+    def convert(self, X: Array, source: TorusBasis) -> Array:
+        """Return unknowns (..., 2K - 1) of this basis from unknowns of another one, cut or padded with zeros."""
+        c = source.to_complex(X)
+        out = np.zeros((*X.shape[:-1], len(self.k)), dtype=complex)
+        for k, i in source.positions.items():
+            if k in self.positions:
+                out[..., self.positions[k]] = c[..., i]
+        return self.to_real(out)
