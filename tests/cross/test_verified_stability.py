@@ -123,6 +123,15 @@ def test_the_error_of_a_nearly_double_multiplier_covers_the_real_pair(apart):
     assert abs(np.abs(mu).max() - np.abs(half).max()) < 1e-12  # the difference of moduli says nothing
 
 
+def test_an_error_is_that_of_the_multiplier_itself():
+    """A small multiplier that changes by 0.1 does not spread an error of this size to one that changes by 1e-3."""
+    mu, other = np.array([[0.9, -0.4]]), np.array([[0.901, -0.5]])
+    error = float(estimate_multiplier_error(mu, difference_of(mu, other))[0])
+    assert 1e-3 < error < 0.1  # 0.47 if the error were that of the other multiplier
+    swapped = float(estimate_multiplier_error(-mu, difference_of(-mu, -other))[0])
+    assert swapped == pytest.approx(error, rel=1e-12)
+
+
 def test_a_root_moves_by_the_largest_shift():
     """x max(x, d - x) = epsilon, by both branches of the formula and at their common end."""
     for d, x in ((1.0, 0.2), (1.0, 0.5), (0.1, 0.3), (0.0, 0.2)):

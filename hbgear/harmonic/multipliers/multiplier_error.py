@@ -30,6 +30,9 @@ from hbgear.common.arrays import Array, ComplexArray
 SAFETY = 3.0
 """Factor from the difference of two sets of multipliers to the stated error."""
 
+SHARE = 0.3
+"""Smallest difference of a multiplier over the largest one of its motion: differences may vanish by chance."""
+
 MIN_DECISIVE_MODULUS = 0.3
 """Modulus, over the smaller of 1 and the largest modulus, from which a multiplier may decide stability."""
 
@@ -43,10 +46,10 @@ REAL_TOLERANCE = 1e-8
 
 
 class Difference(NamedTuple):
-    """Differences of two sets of multipliers of k motions.
+    """Differences (k, r) of the multipliers of k motions from those of another set.
 
-    residual (k,) : the largest epsilon of the multipliers that may decide stability. modulus (k,) : the largest
-    difference of the moduli of complex pairs. distance (k,) : the largest distance of these pairs in the complex plane.
+    residual : epsilon. modulus : difference of the moduli of a complex pair. distance : distance of such a pair in the
+    complex plane. Each is at least `SHARE` of the largest one among the multipliers that may decide stability.
     """
 
     residual: Array
@@ -97,10 +100,8 @@ def difference_of(mu: ComplexArray, less_accurate: ComplexArray) -> Difference:
     pairs = decisive & is_complex(mu)
     nearest = np.take_along_axis(np.abs(less_accurate), distances.argmin(axis=2), axis=1)
     modulus = np.where(pairs, np.abs(np.abs(mu) - nearest), 0.0)
-    return Difference(
-        residual.max(axis=1, initial=0.0), modulus.max(axis=1, initial=0.0),
-        np.where(pairs, two_nearest[:, :, 0], 0.0).max(axis=1, initial=0.0),
-    )  # fmt: skip
+    quantities = (residual, modulus, np.where(pairs, two_nearest[:, :, 0], 0.0))
+    return Difference(*(np.maximum(x, SHARE * x.max(axis=1, initial=0.0, keepdims=True)) for x in quantities))
 
 
 def estimate_multiplier_error(mu: ComplexArray, difference: Difference) -> Array:
@@ -121,10 +122,10 @@ def estimate_multiplier_error(mu: ComplexArray, difference: Difference) -> Array
     """
     mu = _limited(mu)
     size, distance = np.abs(mu), distance_of_neighbours(mu)
-    x = largest_shift(SAFETY * difference.residual[:, None], distance)
+    x = largest_shift(SAFETY * difference.residual, distance)
     modulus_error = SAFETY * difference.modulus + (difference.distance if mu.shape[1] > 2 else 0.0)
     stays = is_complex(mu) & (x < np.abs(mu.imag))
-    x = np.where(stays, np.minimum(modulus_error[:, None], x), x)
+    x = np.where(stays, np.minimum(modulus_error, x), x)
     decisive = _decisive(mu)
     largest = size.max(axis=1, initial=0.0)
     high = np.where(decisive, size + x, 0.0).max(axis=1, initial=0.0)

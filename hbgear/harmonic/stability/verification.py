@@ -141,7 +141,7 @@ def _estimate_errors(
     computed = np.concatenate(sampled)
     values = np.array(differences(computed))
     sensitivity = np.zeros((len(values), len(mu)))
-    sensitivity[:, computed] = values / relative_errors[computed]
+    sensitivity[:, computed] = values.max(axis=2, initial=0.0) / relative_errors[computed]
     nearby = np.concatenate(
         [
             _nearby_sensitivity(section, chosen, sensitivity[:, chosen])
@@ -149,7 +149,7 @@ def _estimate_errors(
         ],
         axis=1,
     )
-    estimated = relative_errors * nearby
+    estimated = np.repeat((relative_errors * nearby)[:, :, None], mu.shape[1], axis=2)
     uncertain = ~(
         np.abs(largest_modulus(mu) - 1.0) > estimate_multiplier_error(mu, Difference(*(SENSITIVITY_MARGIN * estimated)))
     )
