@@ -73,8 +73,11 @@ def nearest_solution(
 
 def shortest_step(evaluation: Evaluation, R: Array, scale: Array) -> Array:
     """Return the step (n + 1,) of least norm, in units of ``scale``, with [dR/dX, dR/dp] step = -R; also at a fold."""
-    Q, T = scipy.linalg.qr((np.column_stack([evaluation.dR_dX, evaluation.dR_dp]) * scale).T, mode="economic")
-    step: Array = scale * (Q @ scipy.linalg.solve_triangular(T, -R, trans=1))
+    A = (np.column_stack([evaluation.dR_dX, evaluation.dR_dp]) * scale).T  # A^T y = -R with A = Q T, y = Q T^-T (-R)
+    factors, tau, _, _ = scipy.linalg.lapack.dgeqrf(A)
+    y = np.zeros((len(scale), 1))
+    y[:-1, 0] = scipy.linalg.lapack.dtrtrs(factors[:-1], -R, trans=1)[0]
+    step: Array = scale * scipy.linalg.lapack.dormqr("L", "N", factors, tau, y, len(scale))[0][:, 0]
     return step
 
 
