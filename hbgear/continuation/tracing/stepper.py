@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -18,6 +19,7 @@ from hbgear.continuation.augmented.special_point_problem import SpecialPointProb
 from hbgear.continuation.curve.segment import CurvePoint, parameter_direction
 from hbgear.continuation.numerics.linear import norm
 from hbgear.continuation.problem.base import ContinuationProblem
+from hbgear.continuation.problem.evaluation import Pursuit
 from hbgear.continuation.solvers.corner import step_over_corner
 from hbgear.continuation.solvers.corrector import correct
 from hbgear.continuation.solvers.newton import NewtonSettings, NoConvergence
@@ -44,6 +46,24 @@ class StepResult(NamedTuple):
     step: float
     reason: str
     is_beyond_corner: bool = False
+
+
+class _Attempt(NamedTuple):
+    """Status of a step, the row of its point for a table, the angle [deg], the next step size and the reason."""
+
+    status: int
+    row: Array
+    turn: float
+    following_step: float
+    reason: str
+
+
+CORNER_TURN_RATIO = 0.9
+"""Angle by which the tangent turns in half a step, over that in the whole step, from which there may be a corner."""
+
+
+SHORTEST_COMPILED_STEP = 1e-2
+"""Smallest step size of the compiled loop along curves that have corners, over the largest step size."""
 
 
 MIN_PARAMETER_COMPONENT = 0.1
@@ -110,36 +130,48 @@ class Stepper:
         StepResult
             New points, next step size and the reason of a failure.
         """
-        steps, settings, history = self.steps, self.settings, self.steps.predictor_points
+        steps, history = self.steps, self.steps.predictor_points
         count, width = min(len(recent), history), len(scale)
         u, t = np.zeros((2, history, width))
         for i, point in enumerate(recent[:count]):
             u[i], t[i] = point.u, point.tangent
         limit = math.inf if self.problem.is_nonsmooth else steps.max_prediction_error
         control = np.array([steps.min_step, steps.max_step, steps.max_turn_deg, steps.target_newton_iterations, limit])
-        tolerances = np.array([settings.tolerance, settings.step_tolerance, settings.max_iterations])
+        table, reason = np.empty((0, 2 * width + 4)), ""
         compiled_loop = self.problem.compiled_continuation(self.name, self.fixed)
-        if compiled_loop is None:
-            table, step, reason = self._single_step(u, t, count, scale, step, control)
-        else:
+        if compiled_loop is not None:
             max_count = 1 if self.single else max(1, min(max_points, int(MAX_MULTIPLICATIONS_PER_CALL / width**3)))
-            out = np.empty((max_count, 2 * width + 4))
-            accepted, step, status, detail = compiled_loop(
-                u,
-                t,
-                count,
-                np.array([solution_scale, scale[-1]]),
-                step,
-                np.array(self.bounds),
-                control,
-                tolerances,
-                out,
+            table, step, reason = self._compiled_steps(
+                compiled_loop, u, t, count, scale, solution_scale, step, control, max_count
             )
-            table, reason = out[:accepted], status_message(status, detail)
+        if compiled_loop is None or (self.problem.is_nonsmooth and not len(table)):
+            table, following, reason, is_at_corner = self._single_step(u, t, count, scale, step, control)
+            if is_at_corner:
+                before = self._points(table, recent[0], scale)
+                beyond = self.over_corner(before[-1] if before else recent[0], scale, step)
+                if beyond.points:  # steps begin as at the start of a curve
+                    step = max(step, steps.first_step)
+                if before or beyond.points:
+                    return StepResult(before + beyond.points, step, "", bool(beyond.points))
+            step = following
         if not len(table):
             corner = self.over_corner(recent[0], scale, step)
             return corner if corner.points else corner._replace(reason=reason)
         return StepResult(self._points(table, recent[0], scale), step, reason)
+
+    def _compiled_steps(
+        self, loop: Pursuit, u: Array, t: Array, count: int, scale: Array, solution_scale: float, step: float,
+        control: Array, max_count: int,
+    ) -> tuple[Array, float, str]:  # fmt: skip
+        """Return the next points as a table, the next step size and the reason of a failure, from a compiled loop."""
+        settings, out = self.settings, np.empty((max_count, 2 * len(scale) + 4))
+        tolerances = np.array([settings.tolerance, settings.step_tolerance, settings.max_iterations])
+        limits = control.copy()
+        if self.problem.is_nonsmooth:  # single steps search corners
+            limits[0] = max(limits[0], SHORTEST_COMPILED_STEP * limits[1])
+        sizes, bounds = np.array([solution_scale, scale[-1]]), np.array(self.bounds)
+        accepted, step, status, detail = loop(u, t, count, sizes, step, bounds, limits, tolerances, out)
+        return out[:accepted], step, status_message(status, detail)
 
     def over_corner(self, last: CurvePoint, scale: Array, step: float) -> StepResult:
         """Compute a point beyond a corner near the last point, if the curve can have corners and has one there.
@@ -183,45 +215,68 @@ class Stepper:
 
     def _single_step(
         self, u: Array, t: Array, count: int, scale: Array, step: float, control: Array
-    ) -> tuple[Array, float, str]:
-        """Return the next point as a table of one row, with step halving; an empty table if the smallest step fails."""
+    ) -> tuple[Array, float, str, bool]:
+        """Return the next point as a table of one row, with step halving; an empty table if the smallest step fails.
+
+        The last result is True if the curve has a corner there: the point is the last one before it, and the table is
+        empty if that is the point from which the step begins.
+        """
+        attempted = partial(self._attempt, u, t, count, scale, control, self._normal(t[0], scale))
+        none, last_turn = np.empty((0, 2 * len(scale) + 4)), math.inf
+        while True:
+            attempt = attempted(step)
+            if attempt.status == ACCEPTED:
+                return attempt.row[None], attempt.following_step, "", False
+            if self.problem.is_nonsmooth and attempt.turn >= CORNER_TURN_RATIO * last_turn:
+                low, high, smallest = 0.0, step, float(control[0])
+                while high - low > smallest:
+                    attempt = attempted(0.5 * (low + high))
+                    if attempt.status != ACCEPTED:
+                        high = 0.5 * (low + high)
+                        continue
+                    if attempt.turn > 0.5 * control[2]:  # a smooth bend
+                        return attempt.row[None], attempt.following_step, "", False
+                    low, none = 0.5 * (low + high), attempt.row[None]
+                return none, step, attempt.reason, True
+            if step <= control[0]:
+                return none, step, attempt.reason, False
+            step, last_turn = max(0.5 * step, float(control[0])), attempt.turn or math.inf
+
+    def _normal(self, tangent: Array, scale: Array) -> Array:
+        """Return the normal of the plane of the corrector."""
+        from hbgear.continuation.stepping.kernels import arclength_normal
+
+        normal = np.empty(len(scale))
+        arclength_normal(tangent, scale, normal)
+        if self.problem.is_expensive(self.name) and abs(tangent[-1] / scale[-1]) > MIN_PARAMETER_COMPONENT * norm(
+            tangent / scale
+        ):
+            normal[:-1], normal[-1] = 0.0, math.copysign(1.0, tangent[-1])  # the corrector keeps the parameter
+        return normal
+
+    def _attempt(
+        self, u: Array, t: Array, count: int, scale: Array, control: Array, normal: Array, step: float
+    ) -> _Attempt:
+        """Return the result of one step of a given size."""
         from hbgear.continuation.stepping.kernels import (
             NO_ERROR_CONTROL_BELOW,
             POLISH_ABOVE,
             accept_step,
-            arclength_normal,
             next_step,
             predict,
         )
 
-        normal, predicted, limits = np.empty(len(scale)), np.empty(len(scale)), np.array([control[2], math.inf])
-        arclength_normal(t[0], scale, normal)
-        if self.problem.is_expensive(self.name) and abs(t[0, -1] / scale[-1]) > MIN_PARAMETER_COMPONENT * norm(
-            t[0] / scale
-        ):
-            normal[:-1], normal[-1] = (
-                0.0,
-                math.copysign(1.0, t[0, -1]),
-            )  # the corrector keeps the value of the parameter
-        while True:
-            predict(u, t, count, scale, step, predicted)
-            limits[1] = control[4] if count > 1 and step > NO_ERROR_CONTROL_BELOW * control[0] else math.inf
-            try:
-                point = correct(self.problem, predicted, normal, self.name, self.fixed, self.settings, POLISH_ABOVE)
-                solution, direction = point.solution, np.array(point.direction)
-                u_new = np.append(solution.X, solution.value)
-                status, turn, deviation = accept_step(u_new, direction, predicted, u[0], t[0], scale, step, limits)
-                reason = status_message(status, deviation if status == PREDICTION_ERROR else turn)
-            except (
-                ValueError,
-                NoConvergence,
-                np.linalg.LinAlgError,
-            ) as error:  # ValueError of a model
-                status, reason = NOT_CONVERGED, str(error)
-            if status == ACCEPTED:
-                numbers = [step, point.orientation, solution.iterations, solution.residual]
-                step = next_step(step, solution.iterations, turn, deviation, control)
-                return np.concatenate([u_new, direction, numbers])[None], step, ""
-            if step <= control[0]:
-                return np.empty((0, 2 * len(scale) + 4)), step, reason
-            step = max(0.5 * step, float(control[0]))
+        predicted, limits = np.empty(len(scale)), np.array([control[2], math.inf])
+        predict(u, t, count, scale, step, predicted)
+        limits[1] = control[4] if count > 1 and step > NO_ERROR_CONTROL_BELOW * control[0] else math.inf
+        try:
+            point = correct(self.problem, predicted, normal, self.name, self.fixed, self.settings, POLISH_ABOVE)
+            solution, direction = point.solution, np.array(point.direction)
+            u_new = np.append(solution.X, solution.value)
+            status, turn, deviation = accept_step(u_new, direction, predicted, u[0], t[0], scale, step, limits)
+        except (ValueError, NoConvergence, np.linalg.LinAlgError) as error:  # ValueError of a model
+            return _Attempt(NOT_CONVERGED, np.empty(0), 0.0, step, str(error))
+        numbers = [step, point.orientation, solution.iterations, solution.residual]
+        following = next_step(step, solution.iterations, turn, deviation, control)
+        reason = status_message(status, deviation if status == PREDICTION_ERROR else turn)
+        return _Attempt(status, np.concatenate([u_new, direction, numbers]), turn, following, reason)
