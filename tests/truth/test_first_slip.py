@@ -177,6 +177,32 @@ def test_a_fold_at_a_first_slip_moves_with_it():
 
 
 @pytest.mark.slow
+def test_first_slips_at_corners_are_those_with_many_harmonics():
+    """Their stated errors cover the location with 72 harmonics, though 9 harmonics shift some by 4e-3."""
+    curve, finer = hb.trace(hb.HarmonicBalance(chain(), 9), "Omega", (0.5, 2.0)), hb.HarmonicBalance(chain(), 72)
+    slips = [point for point in curve.special if point.kind == "SL"]
+    assert len(slips) == 10
+    for point in slips:
+        value = point.parameters["Omega"]
+        equations = SlipProblem(finer, "Omega", finer.slider_names.index(point.note))
+        true = equations.located(np.append(finer.from_point(point), value), {"Omega": value}).X[-1]
+        assert abs(true - value) <= point.error + 1e-9
+        assert point.error < 1e-3
+
+
+@pytest.mark.slow
+def test_few_points_lead_to_a_corner():
+    """Two close points enclose the corner; steps do not shrink towards it and grow behind it."""
+    problem = hb.HarmonicBalance(chain(), 9)
+    curve = hb.trace(problem, "Omega", (1.45, 1.6), stability=False, special=False, accuracy=None)
+    direction = np.diff(curve.X, axis=0) / np.linalg.norm(np.diff(curve.X, axis=0), axis=1)[:, None]
+    corner = curve.values[1 + np.argmin(np.sum(direction[1:] * direction[:-1], axis=1))]
+    slipping = np.array([problem.slip_margins(X, Omega=w)[1] > 0 for X, w in zip(curve.X, curve.values, strict=True)])
+    assert slipping[0] != slipping[-1] and abs(corner - 1.5745) < 1e-4
+    assert np.count_nonzero(np.abs(curve.values - corner) < 3e-4) <= 6  # 12 with shrinking and growing steps
+
+
+@pytest.mark.slow
 def test_a_jump_map_has_the_folds_at_first_slips():
     jumps = hb.jump_map(hb.HarmonicBalance(chain(), 16), "limit", (0.99, 1.01), frequencies=(1.45, 2.0), seeds=2)
     (corner,) = (one for one in jumps.folds if isinstance(one.problem, SlipProblem))

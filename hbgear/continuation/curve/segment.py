@@ -323,6 +323,18 @@ def are_equal(u: Array, v: Array) -> bool:
     return len(u) == len(v) and norm(u - v) <= SAME_POINT_TOLERANCE * norm(u)
 
 
+CORNER_COSINE, CORNER_LENGTH = 0.98, 1e-3
+"""Cosine of the angle between the tangents of two points, and their scaled distance, below which the curve of a problem
+with a discontinuous dR/dX has a corner between them."""
+
+
+def has_corner(segment: Segment) -> bool:
+    """Return whether a segment has a corner, at which the tangent and the multipliers jump."""
+    if not segment.problem.is_nonsmooth or segment.length > CORNER_LENGTH:
+        return False
+    return cosine(segment.a, segment.b, segment.scale) < CORNER_COSINE
+
+
 def cosine(a: CurvePoint, b: CurvePoint, scale: Array) -> float:
     """Return the cosine of the angle between the tangents of two points, which have unit length in scaled unknowns."""
     return float((a.tangent / scale) @ (b.tangent / scale))

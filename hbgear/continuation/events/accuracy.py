@@ -26,7 +26,7 @@ from hbgear.common.arrays import Array
 from hbgear.continuation.augmented.fold import FoldProblem
 from hbgear.continuation.augmented.minimally_augmented import MinimallyAugmentedProblem
 from hbgear.continuation.curve.builder import point_fields
-from hbgear.continuation.curve.segment import CurvePoint, Segment, rescaled, resolve_at_resolution
+from hbgear.continuation.curve.segment import CurvePoint, Segment, has_corner, rescaled, resolve_at_resolution
 from hbgear.continuation.events.event import LocatedEvent, RefinedLocation
 from hbgear.continuation.events.fold import FoldEvent
 from hbgear.continuation.numerics.linear import norm
@@ -247,7 +247,7 @@ def _at_other_resolution(segment: Segment, event: LocatedEvent, problem: Continu
     and the nearer result is returned.
     """
     simple = event.located and event.finder is None  # the equations are singular if two multipliers cross at once
-    if simple and (segment.problem.smooth or isinstance(event.event, FoldEvent)):
+    if simple and (segment.problem.smooth or event.event.regular_at_corners):
         first = _by_equations(segment, event, problem)
         if first is not None:
             refined = first.locate() if _left_segment(segment, event, first) else None
@@ -267,7 +267,7 @@ def _at_other_resolution(segment: Segment, event: LocatedEvent, problem: Continu
 def _by_equations(segment: Segment, event: LocatedEvent, problem: ContinuationProblem) -> Comparison | None:
     """Return the point by Newton's method on its equations at another resolution; None if it fails.
 
-    In a problem that is not smooth, only folds at corners are solved in this way, with the corner of the point.
+    In a problem that is not smooth, thresholds are solved in this way, and folds at corners, with those of the corner.
     """
     location = event.refined or RefinedLocation(segment.problem, event.point)
     located, parameters = location.point, segment.parameters_at(location.point.value)
@@ -321,8 +321,11 @@ def _newton_until_settled(
 
 
 def _left_segment(segment: Segment, event: LocatedEvent, comparison: Comparison) -> bool:
-    """Return whether a point moved beyond the ends of its segment, and may be another special point."""
-    if comparison.distance <= SAME_SEGMENT_FRACTION * segment.length:
+    """Return whether a point moved beyond the ends of its segment, and may be another special point.
+
+    The segments of corners are so short that their points leave them at any other resolution.
+    """
+    if comparison.distance <= SAME_SEGMENT_FRACTION * segment.length or has_corner(segment):
         return False
     refined = comparison.locate()
     return refined is not None and not 0 <= segment.fraction_of(_resized(segment, refined.point)) <= 1

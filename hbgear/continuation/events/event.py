@@ -147,6 +147,9 @@ class Event:
     alone: bool = False
     """Whether no other event is searched on the segment that ends at this terminal event."""
 
+    regular_at_corners: bool = False
+    """Whether the equations can be solved at a corner of the curve, where dR/dX is discontinuous."""
+
     @checked_arguments(test="a function of a point, such as lambda point: point.amplitude('max') - 2.0")
     def __init__(
         self, kind: str, test: Callable[[Point], float], meaning: str = "", marker: str = "v", terminal: bool = False

@@ -55,6 +55,7 @@ class FoldEvent(BuiltInEvent):
     """Fold: the parameter direction of the curve changes."""
 
     kind, meaning, marker = "LP", "fold: the curve turns back", "o"
+    regular_at_corners = True  # solved with the equations of the corner
 
     def sign_changes(self, points: Sequence[CurvePoint], values: Array) -> np.ndarray:
         direction = np.array([point.parameter_direction for point in points])

@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
-from hbgear.continuation.curve.segment import CurvePoint, Points, Segment, are_equal
+from hbgear.continuation.curve.segment import CurvePoint, Points, Segment, are_equal, has_corner
 from hbgear.continuation.events.accuracy import estimate_error
 from hbgear.continuation.events.detector import EventDetector
 from hbgear.continuation.events.even_crossings import SampledCurve, drop_odd_counts, find_even_crossings
@@ -130,6 +130,8 @@ class EvenCrossingSearch:
             if segment not in segments:
                 continue
             part = state.segment(*path.points[k : k + 2])
+            if has_corner(part):  # test functions of multipliers jump there
+                continue
             candidates = find_even_crossings(self.detector, part, near_zeros, self.monitor.solve_on_segment, path, k)
             number, full_segment = section.number(segment), state.segment(points[segment], points[segment + 1])
             known_events = result.get(number, section.events.get(number, []))

@@ -28,7 +28,7 @@ import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.continuation.augmented.minimally_augmented import MinimallyAugmentedProblem
-from hbgear.continuation.curve.segment import BranchStart, CurvePoint, Segment
+from hbgear.continuation.curve.segment import BranchStart, CurvePoint, Segment, has_corner
 from hbgear.continuation.events.branch_point import BranchPointEvent, as_traced
 from hbgear.continuation.events.columns import lengths
 from hbgear.continuation.events.event import (
@@ -246,7 +246,7 @@ class NeimarkSackerEvent(BuiltInEvent):
     def find(self, segment: Segment) -> list[LocatedEvent]:
         """Locate pairs where more multipliers pass than folds, branch points and period doublings explain."""
         ends = multipliers_of((segment.a, segment.b))
-        if ends is None:
+        if ends is None or has_corner(segment):  # multipliers jump at a corner
             return []
         (ua, ub), (da, db) = count_unstable(ends).tolist(), scaled_determinant(ends, -1.0).tolist()
         passes_real = (

@@ -192,6 +192,8 @@ class ThresholdEvent(BuiltInEvent):
     problems: ClassVar[tuple[type[ThresholdProblem], ...]]
     """Equations of each kind of threshold."""
 
+    regular_at_corners = True
+
     root_tolerance: ClassVar[float] = 1e-13
     """Tolerance of a bracketed root, as a fraction of the segment; see `locate_root`."""
 
