@@ -62,6 +62,10 @@ CORNER_TURN_RATIO = 0.9
 """Angle by which the tangent turns in half a step, over that in the whole step, from which there may be a corner."""
 
 
+FAILURES_AT_CORNER = 4
+"""Number of successive failures of a step, each of half the size, after which there may be a corner."""
+
+
 SHORTEST_COMPILED_STEP = 1e-2
 """Smallest step size of the compiled loop along curves that have corners, over the largest step size."""
 
@@ -222,12 +226,14 @@ class Stepper:
         empty if that is the point from which the step begins.
         """
         attempted = partial(self._attempt, u, t, count, scale, control, self._normal(t[0], scale))
-        none, last_turn = np.empty((0, 2 * len(scale) + 4)), math.inf
+        none, last_turn, failures = np.empty((0, 2 * len(scale) + 4)), math.inf, 0
         while True:
             attempt = attempted(step)
             if attempt.status == ACCEPTED:
                 return attempt.row[None], attempt.following_step, "", False
-            if self.problem.is_nonsmooth and attempt.turn >= CORNER_TURN_RATIO * last_turn:
+            failures += 1
+            turned = attempt.turn >= CORNER_TURN_RATIO * last_turn or failures == FAILURES_AT_CORNER
+            if self.problem.is_nonsmooth and turned and step > control[0]:
                 low, high, smallest = 0.0, step, float(control[0])
                 while high - low > smallest:
                     attempt = attempted(0.5 * (low + high))
