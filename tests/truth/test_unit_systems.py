@@ -12,8 +12,13 @@ import hbgear as hb
 from hbgear.harmonic.equations import model_cache
 from hbgear.harmonic.structure import linear_structure
 from hbgear.mechanics.reference_stiffness import references
+from hbgear.time.exponential.integrator import ExponentialIntegrator
+from hbgear.time.exponential.segments import segment_at
 
-UNITS = {"length": (1e-6, 1.0, 1.0), "time": (1.0, 1e3, 1.0), "mass": (1.0, 1.0, 1e3), "all": (1e-6, 1e3, 1e3)}
+UNITS = {
+    "length": (1e-6, 1.0, 1.0), "tiny": (1e-12, 1.0, 1.0), "large": (1e6, 1.0, 1.0), "time": (1.0, 1e3, 1.0),
+    "mass": (1.0, 1.0, 1e3), "all": (1e-6, 1e3, 1e3),
+}  # fmt: skip
 
 
 def scaled_series(series, times):
@@ -148,7 +153,9 @@ def rubbing_mass(L=1.0, T=1.0, M=1.0):
     return hb.System(M * np.eye(2), 0.05 * K * M / T, K * k, elements, load)
 
 
-OTHER_UNITS = [(1e-6, 1.0, 1.0), (1e-9, 1e-6, 1e-12), (1.0, 1e-7, 1.0), (1e3, 1e3, 1e6)]
+OTHER_UNITS = [
+    (1e-6, 1.0, 1.0), (1e-12, 1.0, 1.0), (1e6, 1.0, 1.0), (1e-9, 1e-6, 1e-12), (1.0, 1e-7, 1.0), (1e3, 1e3, 1e6)
+]  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -160,6 +167,28 @@ def from_rest():
 def test_integration_from_rest(L, T, M, from_rest):
     motion = hb.time.integrate(rubbing_mass(L, T, M), np.zeros(4), 2, 0.9 / T)
     np.testing.assert_allclose(motion.d / L, from_rest.d, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("L", [1e-12, 1e-9, 1e3])
+@pytest.mark.parametrize("name", ["spur pair", "stop"])
+def test_exponential_integration_of_contacts(name, L):
+    """In lengths of 1e-12 the instants of contact had been in error by up to a step."""
+    motions = []
+    for length in (1.0, L):
+        integrator = ExponentialIntegrator(in_units(MACHINES[name][0], length, 1.0, 1.0), 0.8)
+        d, _ = integrator.advance(integrator.start(np.array([[0.1 * length, 0.0]])), 30, record=True)
+        motions.append(d / length)
+    assert np.ptp(motions[0]) > 1.0
+    np.testing.assert_allclose(motions[1], motions[0], rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("L", [1e-12, 1.0, 1e6])
+def test_segments_at_and_next_to_a_breakpoint(L):
+    """On a breakpoint the velocity decides, next to it the position."""
+    high = L * np.array([0.0, 2.0, np.inf])
+    d = L * np.array([0.0, 0.0, -0.01, 0.01, 2.0, 2.0, 1.99, 2.01])
+    v = L * np.array([-1.0, 1.0, 1.0, -1.0, -1.0, 0.0, 1.0, -1.0])
+    np.testing.assert_array_equal(segment_at(high, d, v), [0, 1, 0, 1, 1, 2, 1, 2])
 
 
 def test_a_stop_out_of_reach_does_not_change_the_accuracy():

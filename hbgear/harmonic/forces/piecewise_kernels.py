@@ -25,7 +25,7 @@ from hbgear.harmonic.forces.switching_times import (
     crossings,
     off_level,
 )
-from hbgear.mechanics.series.fourier_kernels import fill_one_sided, highest, sampled, value_of
+from hbgear.mechanics.series.fourier_kernels import fill_one_sided, highest, sampled, size_of, value_of
 from hbgear.mechanics.series.piecewise_polynomial import MIN_PHASE_BY_PARTS, rule
 
 _NODES, _WEIGHTS = rule()
@@ -162,7 +162,7 @@ def crossings_of_moving(
         motion.shape[1],
     )
     count: Any = np.int64(0)  # a literal would compile each called kernel a second time
-    step = 2 * math.pi / N
+    step, rounding = 2 * math.pi / N, VALUE_ROUNDING * size_of(c)
     before, slope, _ = value_on(c, 0.0, coefficients[first], starts[first], 0.0)
     above = before > 0.0
     for i in range(first, last):
@@ -193,10 +193,11 @@ def crossings_of_moving(
             else:
                 b = end
                 after, slope_after, _ = value_on(c, 0.0, coefficients[i], starts[i], end)
-            after = off_level(after, before, 0.0)
+            after = off_level(after, before, rounding)
             count = _add_crossings_in_cell(
-                c, 0.0, coefficients[i], starts[i], a, before, slope, b, after, slope_after, theta, sign, count
-            )
+                c, 0.0, rounding, coefficients[i], starts[i], a, before, slope, b, after, slope_after, theta, sign,
+                count,
+            )  # fmt: skip
             a, before, slope = b, after, slope_after
             n += 1
     return count, above
@@ -277,6 +278,7 @@ def crossings_on(
         Whether the gap is above the level at phase 0.
     """
     count: Any = np.int64(0)  # a literal would compile each called kernel a second time
+    rounding = VALUE_ROUNDING * (size_of(c) + abs(level))
     before = start = value_on(c, level, coefficients[first], starts[first], 0.0)[0]
     for i in range(first, last):
         end = starts[i + 1] if i + 1 < last else 2 * math.pi
@@ -285,20 +287,21 @@ def crossings_on(
         for n in range(1, cells + 1):
             b = end if n == cells else starts[i] + (end - starts[i]) * n / cells
             after, slope_after, _ = value_on(c, level, coefficients[i], starts[i], b)
-            after = off_level(after, before, level)
+            after = off_level(after, before, rounding)
             if n == cells and i + 1 == last:
                 after = start  # the phases 0 and 2 pi have the same value
             count = _add_crossings_in_cell(
-                c, level, coefficients[i], starts[i], a, before, slope, b, after, slope_after, theta, sign, count
-            )
+                c, level, rounding, coefficients[i], starts[i], a, before, slope, b, after, slope_after, theta, sign,
+                count,
+            )  # fmt: skip
             a, before, slope = b, after, slope_after
     return count, start > 0.0
 
 
 @kernel
 def _add_crossings_in_cell(
-    c: Any, level: float, coefficients: Any, start: float, a: float, before: float, slope: float, b: float,
-    after: float, slope_after: float, theta: Any, sign: Any, count: int,
+    c: Any, level: float, rounding: float, coefficients: Any, start: float, a: float, before: float, slope: float,
+    b: float, after: float, slope_after: float, theta: Any, sign: Any, count: int,
 ) -> int:  # fmt: skip
     """Append the crossings in a cell from a to b, and return the updated count; see `crossings`.
 
@@ -307,29 +310,29 @@ def _add_crossings_in_cell(
     if (before > 0.0) != (after > 0.0):
         mean = (after - before) / (b - a)
         if (1.5 * mean - 0.25 * (slope + slope_after)) * mean >= 0.0:
-            return _add_crossing(c, level, coefficients, start, a, before, b, after, theta, sign, count)
+            return _add_crossing(c, level, rounding, coefficients, start, a, before, b, after, theta, sign, count)
         x, value = a, before
         for k in range(1, CELL_PARTS + 1):
             y = a + (b - a) * k / CELL_PARTS
             value_y = after if k == CELL_PARTS else value_on(c, level, coefficients, start, y)[0]
             if (value > 0.0) != (value_y > 0.0):
-                count = _add_crossing(c, level, coefficients, start, x, value, y, value_y, theta, sign, count)
+                count = _add_crossing(c, level, rounding, coefficients, start, x, value, y, value_y, theta, sign, count)
             x, value = y, value_y
         return count
     side = 1.0 if before > 0.0 else -1.0
     if side * slope < 0.0 and side * slope_after > 0.0:
         peak = _extremum(c, level, coefficients, start, a, b, -side)
         value = value_on(c, level, coefficients, start, peak)[0]
-        if side * value < 0.0 and abs(value) > VALUE_ROUNDING * (1.0 + abs(level)):
-            count = _add_crossing(c, level, coefficients, start, a, before, peak, value, theta, sign, count)
-            count = _add_crossing(c, level, coefficients, start, peak, value, b, after, theta, sign, count)
+        if side * value < 0.0 and abs(value) > rounding:
+            count = _add_crossing(c, level, rounding, coefficients, start, a, before, peak, value, theta, sign, count)
+            count = _add_crossing(c, level, rounding, coefficients, start, peak, value, b, after, theta, sign, count)
     return count
 
 
 @kernel
 def _add_crossing(
-    c: Any, level: float, coefficients: Any, start: float, low: float, value_low: float, high: float, value_high: float,
-    theta: Any, sign: Any, count: int,
+    c: Any, level: float, rounding: float, coefficients: Any, start: float, low: float, value_low: float, high: float,
+    value_high: float, theta: Any, sign: Any, count: int,
 ) -> int:  # fmt: skip
     """Append the crossing between low and high, where the values differ in sign, and return the updated count.
 
@@ -341,7 +344,7 @@ def _add_crossing(
     phase = low + (high - low) * value_low / (value_low - value_high)
     for _ in range(80):
         value, slope, curve = value_on(c, level, coefficients, start, phase)
-        if abs(value) <= VALUE_ROUNDING * (1.0 + abs(level)):
+        if abs(value) <= rounding:
             break
         if (value < 0.0) == rising:
             low = phase

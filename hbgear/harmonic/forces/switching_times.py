@@ -19,10 +19,10 @@ from typing import Any
 import numpy as np
 
 from hbgear.common.process.compiling import inlined, kernel
-from hbgear.mechanics.series.fourier_kernels import bend_of, value_of
+from hbgear.mechanics.series.fourier_kernels import bend_of, size_of, value_of
 
 VALUE_ROUNDING = 4e-16
-"""Value of x - level that counts as zero, relative to 1 + |level| [-]: about two machine epsilons."""
+"""Value of x - level that counts as zero, relative to the sizes of x and level [-]: about two machine epsilons."""
 
 PHASE_TOLERANCE = 4e-16 * math.pi
 """Error [rad] at which the iteration for a crossing ends: about two machine epsilons at a phase of pi."""
@@ -57,30 +57,30 @@ def crossings(c: Any, level: float, samples: Any, theta: Any, sign: Any) -> Any:
     count: Any = np.int64(0)  # a literal would compile each called kernel a second time
     step = 2 * math.pi / N
     sampling_bound = step * step * bend
+    rounding = VALUE_ROUNDING * (size_of(c) + abs(level))
     before, first = samples[N - 1] - level, samples[0] - level
-    value_i = first = off_level(first, first, level)
+    value_i = first = off_level(first, first, rounding)
     for i in range(N):
-        after = off_level(samples[i + 1] - level, value_i, level) if i + 1 < N else first
+        after = off_level(samples[i + 1] - level, value_i, rounding) if i + 1 < N else first
         if abs(value_i) <= sampling_bound:
             extremal = (before - value_i) * value_i >= 0.0 and (after - value_i) * value_i >= 0.0
             # an extremum exceeds its nearest sample by about one eighth of the second difference
             if extremal and abs(value_i) <= abs(before - 2 * value_i + after):
-                count = _add_crossings_at_extremum(c, level, bend, i, step, value_i, theta, sign, count)
+                count = _add_crossings_at_extremum(c, level, rounding, bend, i, step, value_i, theta, sign, count)
         if (value_i > 0.0) != (after > 0.0):
-            count = _add_crossings_in_cell(c, level, bend, i, step, value_i, after, theta, sign, count)
+            count = _add_crossings_in_cell(c, level, rounding, bend, i, step, value_i, after, theta, sign, count)
         before, value_i = value_i, after
     _sort_by_phase(theta, sign, count)
     return count
 
 
 @inlined
-def off_level(value: float, before: float, level: float) -> float:
-    """Return x - level of a sample, moved off the level if it lies there within rounding errors.
+def off_level(value: float, before: float, rounding: float) -> float:
+    """Return x - level of a sample, moved off the level if it lies there within the rounding error.
 
     Such a sample is moved to the side of the sample before it. A crossing at a sample is then found in one of its two
     cells, and a second crossing in a cell that ends there is not mistaken for the first.
     """
-    rounding = VALUE_ROUNDING * (1.0 + abs(level))
     if abs(value) > rounding:
         return value
     return rounding if before > 0.0 else -rounding
@@ -88,8 +88,9 @@ def off_level(value: float, before: float, level: float) -> float:
 
 @inlined
 def _add_crossings_in_cell(
-    c: Any, level: float, bend: float, i: int, step: float, first: float, last: float, theta: Any, sign: Any, count: int
-) -> int:
+    c: Any, level: float, rounding: float, bend: float, i: int, step: float, first: float, last: float, theta: Any,
+    sign: Any, count: int,
+) -> int:  # fmt: skip
     """Append the crossings between samples i and i + 1 of different signs, one or three; return the new count.
 
     The cubic through the values and slopes at both ends has the slope 3/2 mean - (slope_low + slope_high) / 4 at the
@@ -100,7 +101,9 @@ def _add_crossings_in_cell(
     slope_low, slope_high = value_of(c, level, low)[1], value_of(c, level, high)[1]
     mean = (last - first) / step
     if (1.5 * mean - 0.25 * (slope_low + slope_high)) * mean >= 0:
-        return _add_crossing(c, level, bend, low, first, slope_low, high, last, slope_high, theta, sign, count)
+        return _add_crossing(
+            c, level, rounding, bend, low, first, slope_low, high, last, slope_high, theta, sign, count
+        )
     a, value_a, slope_a = low, first, slope_low
     for k in range(1, CELL_PARTS + 1):
         b = low + (high - low) * k / CELL_PARTS
@@ -108,15 +111,18 @@ def _add_crossings_in_cell(
         if k == CELL_PARTS:
             value_b = last
         if (value_a > 0.0) != (value_b > 0.0):
-            count = _add_crossing(c, level, bend, a, value_a, slope_a, b, value_b, slope_b, theta, sign, count)
+            count = _add_crossing(
+                c, level, rounding, bend, a, value_a, slope_a, b, value_b, slope_b, theta, sign, count
+            )
         a, value_a, slope_a = b, value_b, slope_b
     return count
 
 
 @inlined
 def _add_crossings_at_extremum(
-    c: Any, level: float, bend: float, i: int, step: float, value_i: float, theta: Any, sign: Any, count: int
-) -> int:
+    c: Any, level: float, rounding: float, bend: float, i: int, step: float, value_i: float, theta: Any, sign: Any,
+    count: int,
+) -> int:  # fmt: skip
     """Append the two crossings on both sides of an extremum near sample i that exceeds the level between two samples.
 
     The extremum is located by Newton's method. Return the new count.
@@ -128,7 +134,7 @@ def _add_crossings_at_extremum(
             phase += min(step, max(-step, -slope / curve))
     value = value_of(c, level, phase)[0]
     # a value within rounding errors of the level does not count as a crossing
-    exceeds = (value > 0.0) != (value_i > 0.0) and abs(value) > VALUE_ROUNDING * (1.0 + abs(level))
+    exceeds = (value > 0.0) != (value_i > 0.0) and abs(value) > rounding
     if not exceeds or abs(phase - step * i) > step:
         return count
     phase %= 2 * math.pi
@@ -139,13 +145,13 @@ def _add_crossings_at_extremum(
         a, b = ends[k], ends[k + 1]
         value_a, slope_a, _ = value_of(c, level, a)
         value_b, slope_b, _ = value_of(c, level, b)
-        count = _add_crossing(c, level, bend, a, value_a, slope_a, b, value_b, slope_b, theta, sign, count)
+        count = _add_crossing(c, level, rounding, bend, a, value_a, slope_a, b, value_b, slope_b, theta, sign, count)
     return count
 
 
 @kernel
 def _add_crossing(
-    c: Any, level: float, bend: float, low: float, value_low: float, slope_low: float,
+    c: Any, level: float, rounding: float, bend: float, low: float, value_low: float, slope_low: float,
     high: float, value_high: float, slope_high: float, theta: Any, sign: Any, count: int,
 ) -> int:  # fmt: skip
     """Append the crossing between low and high, where the values differ in sign, and return the new count.
@@ -158,7 +164,7 @@ def _add_crossing(
     phase = _initial_guess(low, value_low, slope_low, high, value_high, slope_high)
     for _ in range(60):
         value, slope, _ = value_of(c, level, phase)
-        if abs(value) <= VALUE_ROUNDING * (1.0 + abs(level)):
+        if abs(value) <= rounding:
             break  # near a double root, Newton's method would diverge on rounding errors
         if (value < 0.0) == rising:
             low = phase

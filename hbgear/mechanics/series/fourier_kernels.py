@@ -72,6 +72,15 @@ def bend_of(c: Any) -> float:
 
 
 @kernel
+def size_of(c: Any) -> float:
+    """Return the largest real or imaginary part of the coefficients, the size of x within a factor."""
+    largest = 0.0
+    for k in range(c.shape[0]):
+        largest = max(largest, abs(c[k].real), abs(c[k].imag))
+    return largest
+
+
+@kernel
 def highest(c: Any, samples: Any, side: float) -> tuple[float, float]:
     """Return the largest value of side x, side +1 or -1, over a period, and its phase.
 

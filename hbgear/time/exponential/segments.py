@@ -75,8 +75,9 @@ class LawSegments:
 
 def segment_at(high: Array, d: Array, v: Array) -> Integers:
     """Return `LawSegments.at` for segments with upper ends ``high`` (..., m, segments)."""
-    shifted = d + np.where(np.abs(v) > 0, np.sign(v), 1.0) * BREAKPOINT_TOLERANCE * (1 + np.abs(d))
-    segment: Array = np.sum(shifted[..., None] > high, axis=-1)
+    beyond = d[..., None] - high
+    rounding = BREAKPOINT_TOLERANCE * (np.abs(d[..., None]) + np.where(np.isfinite(high), np.abs(high), 0.0))
+    segment: Array = np.sum(np.where(np.abs(beyond) <= rounding, v[..., None] >= 0, beyond > 0), axis=-1)
     return segment
 
 

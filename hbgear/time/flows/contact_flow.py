@@ -24,7 +24,7 @@ FREE, PUSHES, OPEN = 0, 1, 2
 """States of a contact."""
 
 _ON_CONTACT = 1e-12
-"""Penetration, relative to 1 + |gap|, up to which the velocity decides whether a contact begins."""
+"""Penetration, relative to displacement and gap, up to which the velocity decides whether a contact begins."""
 
 
 class ContactFlow:
@@ -65,7 +65,7 @@ class ContactFlow:
     def at(self, d: Array, v: Array) -> Integers:
         """Return the state (Q,) of each contact at displacements and rates (m,)."""
         depth, rate, force = self._state(d, v)
-        tolerance = _ON_CONTACT * (1 + np.abs(self.gap))
+        tolerance = _ON_CONTACT * (np.abs(d[self.element]) + np.abs(self.gap))
         inside = (depth > tolerance) | ((np.abs(depth) <= tolerance) & (rate > 0))
         return np.where(~inside, FREE, np.where(self.clipped & (force <= 0), OPEN, PUSHES))
 

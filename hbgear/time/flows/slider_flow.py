@@ -20,7 +20,7 @@ import numpy as np
 from hbgear.common.arrays import Array
 from hbgear.mechanics.laws.slider import friction_limits
 from hbgear.mechanics.models import Element
-from hbgear.time.exponential.segments import BREAKPOINT_TOLERANCE, SAMPLES_PER_STEP, Integers, first_exit
+from hbgear.time.exponential.segments import SAMPLES_PER_STEP, Integers, first_exit, segment_at
 from hbgear.time.flows.structure_states import displacement_scales
 
 _ON_LIMIT = 1e-9
@@ -68,9 +68,7 @@ class SliderFlow:
 
     def zones(self, d: Array, v: Array) -> Integers:
         """Return the zones (Q,) of the limits at displacements and rates (m,); on a level the rate decides."""
-        x, rate = d[self.normal], v[self.normal]
-        shifted = x + np.where(rate < 0, -1.0, 1.0) * BREAKPOINT_TOLERANCE * (1 + np.abs(x))
-        zone: Integers = np.where(self.normal >= 0, np.sum(shifted[:, None] > self.level, axis=1), 0)
+        zone: Integers = np.where(self.normal >= 0, segment_at(self.level, d[self.normal], v[self.normal]), 0)
         return zone
 
     def limit(self, zone: Integers, tau: Any, Omega: float, d: Array, v: Array) -> tuple[Array, Array, Array]:

@@ -75,7 +75,8 @@ def first_exit(
         _apply(values, data, gaps)
         _apply(slopes, data, rates)
         _apply(dense, data, c)
-        exits[j], side[j] = _exit_of_element(c, len(dense), gaps, rates, low[j, segment[j]], high[j, segment[j]])
+        size, ends = abs(d[owner[j]]), (low[j, segment[j]], high[j, segment[j]])
+        exits[j], side[j] = _exit_of_element(c, len(dense), gaps, rates, ends[0], ends[1], size)
         if exits[j] < np.inf and (first < 0 or exits[j] < exits[first]):
             first = j
     return first
@@ -112,17 +113,18 @@ def _apply(columns: Array, data: Array, out: Array) -> None:
 
 
 @kernel
-def _exit_of_element(c: Array, n: int, d: Array, v: Array, low: float, high: float) -> tuple[float, int]:
+def _exit_of_element(
+    c: Array, n: int, d: Array, v: Array, low: float, high: float, size: float
+) -> tuple[float, int]:  # fmt: skip
     """Return where in the step a motion first leaves (low, high), inf if nowhere, and through which end (-1, +1, 0).
 
     c (n,) are its Chebyshev coefficients, d and v its values at SAMPLES_PER_STEP + 1 equidistant instants. The extrema
     between them are evaluated in addition, so that short excursions beyond a breakpoint are detected. The start is
-    inside, to rounding.
+    inside, to the rounding of displacements of a given ``size``.
     """
-    largest = 0.0
     for i in range(SAMPLES_PER_STEP + 1):
-        largest = max(largest, abs(d[i]))
-    tolerance = BREAKPOINT_TOLERANCE * (1.0 + largest)
+        size = max(size, abs(d[i]), abs(v[i]))
+    tolerance = BREAKPOINT_TOLERANCE * size
     x0, y0 = 0.0, d[0]
     for i in range(SAMPLES_PER_STEP):
         for part in range(2):

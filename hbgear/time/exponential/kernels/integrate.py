@@ -31,8 +31,9 @@ from hbgear.time.exponential.kernels.newton import correct, folded_step, lineari
 from hbgear.time.exponential.kernels.tables import add_piecewise, evaluate_series, excite, tabulate
 from hbgear.time.exponential.segments import SAMPLES_PER_STEP, Integers
 
-_MAX_BREAKPOINT_MISS = 1e-9  # distance of the end of a step from a breakpoint, relative to 1 + |breakpoint|;
+_MAX_BREAKPOINT_MISS = 1e-9  # distance of the end of a step from a breakpoint, relative to the size of the motion;
 # the error it causes is quadratic in it
+_MIN_RATE = 1e-6  # change in a cell, relative to the size of the motion, below which a breakpoint is grazed
 _MAX_SEGMENTS_PER_CELL = 24  # segments passed by one element within one cell, after which its rest is one step
 _MAX_NEWTON_ITERATIONS = 30  # of the implicit equations of a step; three are typical
 _MAX_LENGTH_CORRECTIONS = 3  # corrections of the length of a step that ends on a breakpoint
@@ -255,14 +256,12 @@ def _corrects_length(
     j, end = progress[TARGET], len(y) - 2 * m
     level = high[j, segment[j]] if side[j] > 0 else low[j, segment[j]]
     error, rate = y[end + owner[j]] - level, y[end + m + owner[j]]
+    size = max(abs(level), abs(y[end + owner[j]]), abs(y[owner[j]]), h * abs(y[m + owner[j]]), h * abs(rate))
     if j >= m:
         error, rate = error - level_at(levels, j, 1.0), rate - level_slope_at(levels, j, 1.0) / (h * span[1])
-    if (
-        not abs(error) > _MAX_BREAKPOINT_MISS * (1.0 + abs(level))
-        or progress[LENGTH_CORRECTIONS] >= _MAX_LENGTH_CORRECTIONS
-    ):
+    if not abs(error) > _MAX_BREAKPOINT_MISS * size or progress[LENGTH_CORRECTIONS] >= _MAX_LENGTH_CORRECTIONS:
         return False
-    correction = error / rate / h if abs(rate) > 1e-6 else 0.0
+    correction = error / rate / h if h * abs(rate) > _MIN_RATE * size else 0.0
     span[1] = max(0.5 * span[1], min(span[1] - correction, 1.5 * span[1], limit - span[0]))
     progress[LENGTH_CORRECTIONS] += 1
     return True
