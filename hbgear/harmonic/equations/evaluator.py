@@ -200,12 +200,11 @@ class Evaluator:
         return self._mode_cache.get((reach, lumped), lambda: self._build_stability_modes(reach, lumped))
 
     def _build_stability_modes(self, reach: float, lumped: bool) -> ModalBlocks:
-        modes = self.structure.modes
-        assert modes is not None
-        springs = [f"{k:.9e}" for k in self.structure.kr]  # equal up to rounding: slopes are relative to them
-        kinds = [(element.law, element.damping, k) for element, k in zip(self.system.elements, springs, strict=True)]
-        groups = np.array([kinds.index(kind) for kind in kinds])
-        return modal_blocks(modes.poles, modes.output, modes.input, groups, reach, lumped)
+        assert (modes := self.structure.modes) is not None
+        springs = zip(self.system.elements, self.structure.kr, strict=True)  # slopes are relative to them
+        kinds = [(e.law, e.damping, f"{k:.9e}") for e, k in springs]
+        groups = [kinds.index(kind) for kind in kinds]
+        return modal_blocks(modes.poles, modes.output, modes.input, np.array(groups), reach, lumped)
 
     def flexibility_above(self, frequencies: Array) -> Array:
         """Return the flexibility (P, m) of the elements from modes above frequencies (P,)."""
