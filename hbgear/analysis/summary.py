@@ -359,14 +359,23 @@ def message_of(branch: Branch, dimensionless: bool = False) -> str:
 
 def in_speeds(branch: Branch, text: str, dimensionless: bool = False) -> str:
     """Return a text about a branch, with speeds instead of values of Omega if the model has scales."""
-
-    def converted(match: re.Match[str]) -> str:
-        digits = len(match[1].partition("e")[0].replace(".", "").lstrip("0")) - 1  # the last one is rounded
-        return f"{axis.scale * float(match[1]):.{max(digits, 5)}g} r/min"
-
     axis = Abscissa([branch], dimensionless)
     if branch.parameter != "Omega" or axis.label != SPEED_LABEL:
         return text
+    return as_speeds(text, axis.scale)
+
+
+def as_speeds(text: str, scale: float) -> str:
+    """Return a text with speeds [r/min], scale times Omega, instead of values of Omega.
+
+    >>> as_speeds("a jump at Omega = 0.91803", 1e4)
+    'a jump at 9180.3 r/min'
+    """
+
+    def converted(match: re.Match[str]) -> str:
+        digits = len(match[1].partition("e")[0].replace(".", "").lstrip("0")) - 1  # the last one is rounded
+        return f"{scale * float(match[1]):.{max(digits, 5)}g} r/min"
+
     return _OMEGA.sub(converted, text)
 
 

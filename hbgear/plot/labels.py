@@ -52,13 +52,18 @@ _ALIGN: Any = {1: ("left", "bottom"), 0: ("center", "center"), -1: ("right", "to
 """Horizontal and vertical alignment of a text for each sign of its offset."""
 
 
-_COST = {"label": 1000.0, "border": 1000.0, "legend": 300.0, "mark": 60.0, "ambiguous": 30.0, "curve": 4.0,
-         "reach": 0.5, "side": 0.4}  # fmt: skip
+_COST = {"label": 1000.0, "border": 1000.0, "legend": 300.0, "mark": 60.0, "ambiguous": 30.0,
+         "crossing": 30.0, "curve": 4.0, "reach": 0.5, "side": 0.4}  # fmt: skip
 """Costs of a label position, dimensionless; their ratios define which overlaps are avoided first.
 
-Each overlap with a label, border, legend, mark or point of a curve has a cost; so have a smaller distance from another
-symbol ("ambiguous"), each pt of distance ("reach"), and another side than the preferred one ("side").
+Each overlap with a label, border, legend, mark or point of a curve has a cost; so have a curve behind the label
+("crossing"), a smaller distance from another symbol ("ambiguous"), each pt of distance ("reach"), and another side than
+the preferred one ("side").
 """
+
+
+_BACKGROUND: Any = {"facecolor": "white", "alpha": 0.8, "linewidth": 0.0, "pad": 0.6}
+"""Background of a label, so that it remains legible where no position is free of curves and leader lines."""
 
 
 @dataclass
@@ -94,7 +99,7 @@ class Labels(Artist):
         horizontal, vertical = _ALIGN[side[0]][0], _ALIGN[side[1]][1]
         text = self.axes.annotate(
             name if has_label else "", _data_position(line), (5 * side[0], 5 * side[1]), textcoords="offset points",
-            fontsize=8, ha=horizontal, va=vertical, zorder=7, gid=f"label {label}",
+            fontsize=8, ha=horizontal, va=vertical, zorder=7, gid=f"label {label}", bbox=_BACKGROUND,
         )  # fmt: skip
         text.set_in_layout(False)
         self.marks.append(Mark(line, text, curve, kind, name, has_label, side))
@@ -222,8 +227,10 @@ class _Obstacles:
         own_distance = _box_distances(boxes, _pixel_position(mark.line)[None])
         cost += _COST["ambiguous"] * (_box_distances(boxes, self.symbols) < own_distance).any(axis=1)
         x, y = self.curves.T
-        points_inside = [int(((x > x0) & (x < x1) & (y > y0) & (y < y1)).sum()) for x0, y0, x1, y1 in boxes.tolist()]
-        return cost + _COST["curve"] * np.array(points_inside)
+        points_inside = np.array(
+            [int(((x > x0) & (x < x1) & (y > y0) & (y < y1)).sum()) for x0, y0, x1, y1 in boxes.tolist()]
+        )
+        return cost + _COST["curve"] * points_inside + _COST["crossing"] * (points_inside > 0)
 
 
 def _positions(first: tuple[int, int]) -> Iterator[tuple[float, tuple[int, int]]]:

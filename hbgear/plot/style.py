@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hbgear.analysis.quantities.axis_quantities import in_figure
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.atomic_write import atomic_write
 from hbgear.common.text.messages import quoted
@@ -333,7 +334,7 @@ def axes_or_new(ax: Axes | None, size: tuple[float, float]) -> Axes:
 
 
 def dress(ax: Axes) -> None:
-    """Set the style of ticks and axis labels.
+    """Set the style of ticks and axis labels, and write micrometres as in all figures.
 
     Ticks are created when the figure is drawn, outside the context of `styled`; axes of the caller have other fonts.
 
@@ -344,7 +345,8 @@ def dress(ax: Axes) -> None:
     """
     settings = current_settings()
     for title in (ax.xaxis.label, ax.yaxis.label):
-        title.set(fontfamily=settings["font.family"], math_fontfamily=settings["mathtext.fontset"])
+        title.set(text=in_figure(title.get_text()), fontfamily=settings["font.family"],
+                  math_fontfamily=settings["mathtext.fontset"])  # fmt: skip
     ax.tick_params(which="both", direction="in", top=True, right=True, width=0.6, labelsize=settings["xtick.labelsize"],
                    labelfontfamily=current_font())  # fmt: skip
     ax.tick_params(which="major", length=3.5)

@@ -168,7 +168,21 @@ def test_derivatives_are_shown_in_physical_units(curve):
     found = hb.analysis.sensitivity(curve["LP1"], ["zeta", "reference[0]"], measure="pp2")
     assert found.shown(dimensionless=True) == found.quantities
     assert found.shown() == ("pinion r/min", "mesh Hz", "pp2 m")
-    assert "change of pinion r/min of LP1" in hb.plot.tornado(found).get_xlabel()
+    axes = hb.plot.tornado(found)
+    speed, size = f"{found.size('pinion r/min'):.6g} r/min", f"{1e6 * found.size('pp2 m'):.6g} \N{MICRO SIGN}m"
+    assert axes.get_xlabel() == f"change of the speed of the pinion at LP1, {speed} [%]"
+    assert hb.plot.tornado(found, "pp2 m").get_xlabel() == f"change of pp2 at LP1, {size} [%]"
+
+
+def test_the_parameters_of_a_tornado_have_units():
+    found = hb.analysis.sensitivity(
+        hb.trace(hb.HarmonicBalance(hb.gears.DoubleHelicalPair(zeta=0.05), 5), "Omega", (1.0, 0.8), accuracy=None)[
+            "LP1"
+        ],
+        ["k_mean", "zeta", "b_c"],
+    )
+    labels = {text.get_text() for text in hb.plot.tornado(found).get_yticklabels()}
+    assert labels == {r"k_mean = $1.846 \times 10^{9}$ N/m", "zeta = 0.05", r"b_c = $2.5 \times 10^{-5}$ m"}
 
 
 @pytest.mark.slow

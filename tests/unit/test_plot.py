@@ -24,6 +24,7 @@ from hbgear.continuation.results.status import Status
 from hbgear.harmonic.equations.layout import Layout
 from hbgear.mechanics.models import describe
 from hbgear.plot.branch_sections import SmoothCurve
+from hbgear.plot.style import dress
 
 LABELS = {"Omega": r"$\Omega = \omega_\mathrm{mesh}/\omega_n$", "amplitude": r"$d / b_c$"}
 FIXED = {"zeta": 0.04, "F": 0.12}
@@ -814,3 +815,21 @@ def test_a_tall_legend_covers_no_curve():
         assert not line.get_transform().transform_path(line.get_path()).intersects_bbox(extent, filled=False)
     for inset in ax.child_axes:
         assert not extent.overlaps(inset.get_window_extent())
+
+
+def test_micrometres_have_one_sign_in_all_labels():
+    """The labels of a drawing have the unit of tables, "backlash [um]"; Greek mu in mathtext is italic."""
+    axes = plt.figure().subplots()
+    axes.set(xlabel="backlash [um]", ylabel="inertia [kg m^2]")
+    dress(axes)
+    assert (axes.get_xlabel(), axes.get_ylabel()) == ("backlash [\N{MICRO SIGN}m]", "inertia [kg m\N{SUPERSCRIPT TWO}]")
+    pinion, wheel = (hb.gears.Gear(teeth=z, module="3 mm", face_width="20 mm") for z in (25, 40))
+    figure = plot.mesh_cycles(hb.GearPair(pinion, wheel, "80 um").mesh("200 N m"))
+    assert "static error [\N{MICRO SIGN}m]" in [ax.get_ylabel() for ax in figure.axes]
+
+
+def test_labels_are_legible_on_curves():
+    """Where no position is free of curves, the background of a label covers the curve and leader lines."""
+    axes = plot.response(resonance())
+    labels = [text for text in axes.texts if (text.get_gid() or "").startswith("label ")]
+    assert labels and all(text.get_bbox_patch().get_facecolor()[:3] == (1.0, 1.0, 1.0) for text in labels)

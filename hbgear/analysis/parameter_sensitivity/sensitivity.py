@@ -25,6 +25,7 @@ from hbgear.analysis.parameter_sensitivity.point_sensitivity import (
 from hbgear.analysis.parameter_sensitivity.table import Sensitivity
 from hbgear.analysis.parameter_sensitivity.units import units_at
 from hbgear.common.argument_checks import checked_arguments
+from hbgear.common.text.symbols import shown_unit
 from hbgear.continuation.results.point import Jump, Point, SpecialPoint
 
 _EXTRA_PARAMETER_SETS = 32
@@ -124,4 +125,6 @@ def sensitivity(
     label = point.label or "a point"
     values = np.array([values_by_name[name] for name in names])
     quantities, sizes, derivatives = zip(*rows, strict=True)
-    return Sensitivity(label, names, values, quantities, np.array(sizes), np.array(derivatives))
+    labels = getattr(getattr(base.problem, "model", None), "labels", {})
+    shown_units = {name: unit for name in names if (unit := shown_unit(labels.get(name, "")))}
+    return Sensitivity(label, names, values, quantities, np.array(sizes), np.array(derivatives), shown_units)

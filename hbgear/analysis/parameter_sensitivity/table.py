@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -36,6 +36,8 @@ class Sensitivity:
         Values of the quantities.
     slopes : ndarray, shape (Q, A)
         Derivatives in the units of quantity and parameter; nan where the derivative does not exist.
+    units : mapping of str to str
+        Units of the parameters that have one.
 
     Examples
     --------
@@ -54,6 +56,7 @@ class Sensitivity:
     quantities: tuple[str, ...]
     sizes: Array
     slopes: Array
+    units: Mapping[str, str] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         largest = next(iter(self.percent()), "")

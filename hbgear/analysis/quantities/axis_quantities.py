@@ -9,6 +9,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Literal
@@ -68,10 +69,37 @@ def in_figure(text: str) -> str:
 
     Examples
     --------
-    >>> in_figure("gap [um]")
-    'gap [\N{MICRO SIGN}m]'
+    >>> in_figure("gap [um]"), in_figure("$x^2$ [m^2]")
+    ('gap [\N{MICRO SIGN}m]', '$x^2$ [m\N{SUPERSCRIPT TWO}]')
     """
-    return text.replace("[um", "[\N{MICRO SIGN}m")
+    return re.sub(r"\[[^\[\]$]*\]", lambda unit: _in_figure(unit[0]), text)
+
+
+def _in_figure(unit: str) -> str:
+    """Return a unit with the sign of micro, and with raised exponents."""
+    unit = re.sub(r"\bum\b", "\N{MICRO SIGN}m", unit)
+    return unit.replace("^2", "\N{SUPERSCRIPT TWO}").replace("^3", "\N{SUPERSCRIPT THREE}")
+
+
+def in_figure_unit(unit: str) -> str:
+    """Return a unit without brackets in the notation of figures.
+
+    Parameters
+    ----------
+    unit : str
+        Unit.
+
+    Returns
+    -------
+    str
+        Unit.
+
+    Examples
+    --------
+    >>> in_figure_unit("um")
+    '\N{MICRO SIGN}m'
+    """
+    return _in_figure(unit)
 
 
 def dimension_of(measure: str) -> int:

@@ -11,7 +11,7 @@ import typer
 
 import hbgear as hb
 from hbgear.analysis.quantities.axis_quantities import OmegaAxis
-from hbgear.analysis.summary import digits_of, message_of, text_at
+from hbgear.analysis.summary import as_speeds, digits_of, message_of, text_at
 from hbgear.cli import complete as cli_complete
 from hbgear.cli import options
 from hbgear.cli.commands.shares import MaxRows, Saved, show_shares
@@ -88,7 +88,7 @@ def map_command(
             location = f"{parameter} = {text_at(point, parameter)}{unit}, {_frequency_text(point, axis)}"
             print(f"{point.meaning} ({point.label}) at {location}")
         if jump_map.status.complete and jump_map.message:
-            print_message("warning", jump_map.message)
+            print_message("warning", as_speeds(jump_map.message, axis.scale) if axis.is_speed else jump_map.message)
     finish(jump_map)
 
 

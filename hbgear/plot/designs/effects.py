@@ -10,8 +10,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hbgear.analysis.parameter_sensitivity.table import Sensitivity
+from hbgear.analysis.parameter_sensitivity.units import LENGTH
+from hbgear.analysis.quantities.axis_quantities import MICROMETRE, in_figure_unit
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.ranges import POSITIVE, checked, counted
+from hbgear.harmonic.models.frequency_units import MESH, PINION
 from hbgear.plot.style import COLOURS, GREY, axes_or_new, dress, styled
 
 if TYPE_CHECKING:
@@ -68,11 +71,33 @@ def tornado(
         for sign, colour, word in ((1, COLOURS["no_impact"], "+"), (-1, COLOURS["single_sided"], "\u2212")):
             ax.barh(positions, sign * change, 0.72, color=colour, label=f"parameter {word}{percent:g} %")
         ax.axvline(0.0, color=GREY, linewidth=0.6)
-        ax.set_yticks(positions, [f"{name} = {found.values[found.parameters.index(name)]:.4g}" for name in names])
+        values = dict(zip(found.parameters, found.values.tolist(), strict=True))
+        units = {name: in_figure_unit(unit) for name, unit in found.units.items()}
+        ax.set_yticks(positions, [f"{name} = {_number(values[name])} {units.get(name, '')}".strip() for name in names])
         ax.set_ylim(len(names) - 0.4, -0.6)
         ax.margins(x=0.08)
-        ax.set_xlabel(f"change of {quantity} of {found.label} [%]   ({quantity} = {found.size(quantity):.6g})")
+        name, unit, factor = _quantity(quantity)
+        size = f"{factor * found.size(quantity):.6g} {unit}".strip()
+        ax.set_xlabel(f"change of {name} at {found.label}, {size} [%]")
         dress(ax)
         ax.tick_params(axis="y", length=0)
         ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)  # bars may be anywhere on the axes
     return ax
+
+
+_SPEEDS = {PINION: ("the speed of the pinion", "r/min", 1.0), MESH: ("the mesh frequency", "Hz", 1.0)}
+"""Name, unit and factor of frequencies in physical units."""
+
+
+def _quantity(quantity: str) -> tuple[str, str, float]:
+    """Return name, unit and factor of a quantity of `Sensitivity` in a figure."""
+    name = quantity.removesuffix(f" {LENGTH}")
+    if name == quantity:
+        return _SPEEDS.get(quantity, (quantity, "", 1.0))
+    return name, in_figure_unit(MICROMETRE), 1e6
+
+
+def _number(value: float) -> str:
+    """Return a number with four digits, with a power of ten instead of an exponent."""
+    mantissa, e, exponent = f"{value:.4g}".partition("e")
+    return rf"${mantissa} \times 10^{{{int(exponent)}}}$" if e else mantissa

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hbgear.analysis.quantities.axis_quantities import MICROMETRE, in_figure_unit
 from hbgear.continuation.results.branch import Branch
 from hbgear.gears.mesh.mesh_cycle import MeshCycle, MeshTable
 from hbgear.plot.curves import response
@@ -61,7 +62,7 @@ def mesh_cycles(
             top.plot(*_twice(cycle.stiffness, 1e-8), **look)
             bottom.plot(*_twice(cycle.static_error, 1e6), **look)
         top.set_ylabel(r"mesh stiffness $k$ [$10^8$ N/m]")
-        bottom.set_ylabel(r"static transmission error [$\mu$m]")
+        bottom.set_ylabel(f"static transmission error [{in_figure_unit(MICROMETRE)}]")
         bottom.set_xlabel(r"mesh cycles $\tau / 2\pi$ [-]")
         for ax in (top, bottom):
             dress(ax)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hbgear.analysis.loads.tooth_loads import ToothLoads
+from hbgear.analysis.quantities.axis_quantities import MICROMETRE, in_figure_unit
 from hbgear.gears.mesh.harris_map import HarrisMap
 from hbgear.plot.style import BRANCHES, GREY, axes_or_new, dress, new_figure, styled
 
@@ -98,11 +99,11 @@ def harris_map(found: HarrisMap, ax: Axes | None = None) -> Axes:
         x = np.concatenate([found.phase, found.phase + 1])
         colours = colormaps["viridis"](np.linspace(0.0, 0.85, len(found.torque)))
         for torque, error, pp, color in zip(found.torque, found.error, found.peak_to_peak, colours, strict=True):
-            label = f"{torque:g} N m, {pp * 1e6:.2f} $\\mu$m peak to peak"
+            label = f"{torque:g} N m, {pp * 1e6:.2f} {in_figure_unit(MICROMETRE)} peak to peak"
             ax.plot(x, -1e6 * np.concatenate([error, error]), color=color, lw=1.3, label=label)
         dress(ax)
         ax.set_xlim(0, 2)
         ax.set_xlabel(r"mesh cycles $\tau / 2\pi$ [-]")
-        ax.set_ylabel(r"static transmission error, negative [$\mu$m]")
+        ax.set_ylabel(f"static transmission error, negative [{in_figure_unit(MICROMETRE)}]")
         ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2, fontsize=7)
         return ax

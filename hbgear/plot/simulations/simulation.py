@@ -16,6 +16,7 @@ from hbgear.analysis.quantities.axis_quantities import (
     Ordinate,
     factor_of,
     in_figure,
+    in_figure_unit,
     in_metres_per_second,
     in_micrometres,
 )
@@ -286,7 +287,7 @@ def basins(found: Basins, ax: Axes | None = None, *, model: Model | None = None,
                   interpolation="nearest")  # fmt: skip
         for i, a in enumerate(found.attractors):
             aperiodic = "not periodic" if np.isfinite(a.rms) else "unbounded"
-            size = f"{a.rms:.4g}" if physical is None else f"{units[0] * a.rms:.4g} {in_figure('[um]')[1:-1]}"
+            size = f"{a.rms:.4g}" if physical is None else f"{units[0] * a.rms:.4g} {in_figure_unit('um')}"
             name = f"period {a.period}, rms {size}" if a.period else aperiodic
             cloud = not a.period and len(a.points) > 0
             symbol = "o" if cloud else SYMBOLS[i % len(SYMBOLS)]
