@@ -200,10 +200,10 @@ class Evaluator:
         return self._mode_cache.get((reach, lumped), lambda: self._build_stability_modes(reach, lumped))
 
     def _build_stability_modes(self, reach: float, lumped: bool) -> ModalBlocks:
-        assert (modes := self.structure.modes) is not None
-        springs = zip(self.system.elements, self.structure.kr, strict=True)  # slopes are relative to them
-        kinds = [(e.law, e.damping, f"{k:.9e}") for e, k in springs]
-        groups = [kinds.index(kind) for kind in kinds]
+        modes = self.structure.modes
+        assert modes is not None
+        kinds = [(e.law, e.damping, f"{k:.9e}") for e, k in zip(self.system.elements, self.structure.kr, strict=True)]
+        groups = [kinds.index(kind) for kind in kinds]  # slopes are relative to the springs, equal up to rounding
         return modal_blocks(modes.poles, modes.output, modes.input, np.array(groups), reach, lumped)
 
     def flexibility_above(self, frequencies: Array) -> Array:
