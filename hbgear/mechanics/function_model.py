@@ -176,7 +176,10 @@ def model(
     usual: Mapping[str, Range] | None = None,
     default_span: tuple[float, float] | None = None,
 ) -> Any:
-    """Create a model from a function that builds a `System`: a decorator.
+    """Create a model from a function that builds a `System`: a decorator, or a call.
+
+    The forms are ``@model`` for the default options, ``@model(labels=..., ranges=...)`` with options, and
+    ``model(function)`` for a function that exists.
 
     The result is a class of models with one field for each parameter of the function. Parameters of type float can be
     continuation parameters in addition to Omega. The class is used like any model: in `trace`, `FoldProblem`,
@@ -217,6 +220,14 @@ def model(
     >>> curve = hb.trace(hb.HarmonicBalance(stop(), 8), "gap", (1.5, 1.4), at={"Omega": 1.1})
     >>> curve.status.complete
     True
+
+    Without options, the decorator is written without parentheses:
+
+    >>> @hb.mechanics.model
+    ... def spring(k: float = 1.0) -> hb.System:
+    ...     return hb.System([[1.0]], [[0.1]], [[k]], [hb.Element([1.0], hb.Cubic(0.5))], hb.Load(cosine={1: [0.2]}))
+    >>> spring(k=2.0).parameters
+    {'k': 2.0}
     """
     options = {"labels": labels, "ranges": ranges, "usual": usual, "default_span": default_span}
     given = {name: value for name, value in options.items() if value is not None}

@@ -3,7 +3,9 @@
 import doctest
 import importlib
 import inspect
+import operator
 import pkgutil
+import re
 
 import pytest
 
@@ -129,3 +131,12 @@ def without_docstring(module: str) -> list[str]:
 
 def test_public_objects_have_docstrings():
     assert [name for module in MODULES for name in without_docstring(module)] == []
+
+
+@pytest.mark.parametrize("path", ["harmonic.register_measure", "mechanics.register_law", "mechanics.model"])
+def test_both_forms_of_a_decorator_have_an_example(path):
+    """The overloads have no text of their own: the docstring shows the form with options and the one without."""
+    text = operator.attrgetter(path)(hb).__doc__
+    name = path.partition(".")[2]
+    assert re.search(rf"@hb\.{path}$", text, re.M) and f"@hb.{path}(" in text
+    assert all(form in text for form in (f"``@{name}``", f"``@{name}(", f"``{name}("))

@@ -156,7 +156,9 @@ def register_measure(
 ) -> Any:  # fmt: skip
     """Register a measure of amplitude: a decorator of a function, or a call.
 
-    The name can then be used wherever a measure is given: `Branch.amplitude`, figures, peaks, redesign.
+    The forms are ``@register_measure`` for the default options, ``@register_measure(dimension=0)`` with options, and
+    ``register_measure(function, dimension=0)`` for a function that exists. The name can then be used wherever a measure
+    is given: `Branch.amplitude`, figures, peaks, redesign.
 
     Parameters
     ----------
@@ -207,6 +209,15 @@ def register_measure(
     True
     >>> hb.plot.response(curve, "distortion").get_ylabel()
     'distortion of $x$ [-]'
+
+    Without options, the decorator is written without parentheses:
+
+    >>> @hb.harmonic.register_measure
+    ... def fundamental(coefficients):
+    ...     return np.hypot(coefficients[..., 1], coefficients[..., 2])
+    ...
+    >>> bool((curve.amplitude("fundamental") == curve.amplitude("H1")).all())
+    True
     """
 
     def register(function: Any) -> Any:

@@ -153,7 +153,10 @@ def register_law(*, name: str | None = None, required: tuple[str, ...] | None = 
 
 
 def register_law(law: Any = None, /, *, name: str | None = None, required: tuple[str, ...] | None = None) -> Any:
-    """Register a force law, so that files and TOML can hold it: a decorator of a class.
+    """Register a force law, so that files and TOML can hold it: a decorator of a class or function, or a call.
+
+    The forms are ``@register_law`` for the default options, ``@register_law(name="septic")`` with options, and
+    ``register_law(Septic, name="septic")`` for a class that exists.
 
     Parameters
     ----------
@@ -197,6 +200,15 @@ def register_law(law: Any = None, /, *, name: str | None = None, required: tuple
     >>> curve = hb.trace(hb.HarmonicBalance(bar, 5), "Omega", (0.5, 0.7))
     >>> curve.meta["model"]["fields"]["elements"][0]["fields"]["law"]["fields"]
     {'k7': 0.3}
+
+    With options, of a function:
+
+    >>> @hb.mechanics.register_law(name="soft stop", required=("k",))
+    ... def soft_stop(k: float, gap: float = 1.0):
+    ...     return hb.Unilateral(k=k, gap=gap)
+    ...
+    >>> soft_stop(2.0).breakpoints
+    (1.0,)
     """
     if law is None:
         return lambda decorated: _register(decorated, name, required)
