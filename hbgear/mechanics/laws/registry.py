@@ -145,7 +145,7 @@ _BY_CLASS: dict[type[Law], RegisteredLaw] = {}
 
 
 @overload
-def register_law(law: _Law, /) -> _Law: ...
+def register_law(law: _Law, /, *, name: str | None = None, required: tuple[str, ...] | None = None) -> _Law: ...
 
 
 @overload
