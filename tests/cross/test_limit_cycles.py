@@ -9,6 +9,7 @@ import pytest
 import scipy
 
 import hbgear as hb
+from hbgear.continuation.solvers.newton import solve
 from hbgear.harmonic.autonomous.cycle_events import CycleDoublingEvent, CycleTorusEvent
 
 MU, ZETA = 0.05, 0.05
@@ -241,3 +242,24 @@ def _equal(damping: float = 0.5) -> hb.System:
     """Three oscillators, of which two are equal and without motion."""
     system = beside().system()
     return hb.System(system.M, np.diag([0.0, damping, damping]), np.diag([1.0, 2.0, 2.0]), system.elements)
+
+
+def test_newton_starts_exactly_at_a_natural_frequency_of_an_undamped_structure():
+    """There the receptance of K + k is infinite, and its inverse K - Omega^2 M is not."""
+
+    @hb.mechanics.model
+    def sprung(eps: float = 0.2) -> hb.System:
+        return hb.System(
+            [[1.0]], [[0.0]], [[0.5]], [hb.Element([1.0], hb.mechanics.Parallel((hb.Cubic(0.0, 0.5), VanDerPol(eps))))]
+        )
+
+    problem = hb.harmonic.LimitCycleProblem(hb.HarmonicBalance(sprung(), 9))
+    balance = problem.problem.compiled({})
+    assert balance.structure.kr == pytest.approx(0.5)
+    part = balance.linear(1.0)
+    np.testing.assert_allclose(part.Z[:, 0, 0], 0.5 - np.arange(10) ** 2, rtol=1e-9)
+    X = np.zeros(20)
+    X[1], X[-1] = 2.0, 1.0
+    started = problem.with_borders_at(X, problem.parameters)
+    Omega = solve(started, X, problem.parameters).X[-1]
+    assert Omega == pytest.approx(0.99750885636, abs=1e-9)

@@ -125,6 +125,11 @@ def _load_parts(system: System, nu: int, index: Mapping[int, int]) -> list[_Load
     ]  # fmt: skip
 
 
+POLE_SHIFT = 1e-5
+"""Relative distance of two frequencies whose mean replaces the linear part at an undamped natural frequency. The error
+of the mean is its square; rounding grows with its inverse."""
+
+
 class Receptance:
     """Linear part of the balance for harmonics 0..H of the basis frequency Omega / nu, or a selection of them.
 
@@ -200,16 +205,24 @@ class Receptance:
             out = LinearPart.zero(len(self.k), s.m)
             self._fill_directly(Omega, out)
             return out
-        from hbgear.harmonic.structure.receptance_kernels import linear_part
-
-        independent = LinearPart.zero(len(self.k), len(s.independent))
-        linear_part(self._independent, float(Omega), *independent)
+        independent = self._at_independent(Omega)
+        if not np.isfinite(independent.matrices).all():  # at a pole of the receptance, where its inverse is smooth
+            sides = [self._at_independent(Omega * (1 + shift)) for shift in (-POLE_SHIFT, POLE_SHIFT)]
+            independent = LinearPart(*(0.5 * (below + above) for below, above in zip(*sides, strict=True)))
         if not np.isfinite(independent.matrices).all():
             raise ValueError(
                 f"at Omega = {Omega:g} the receptance of the structure is zero or infinite: "
                 "values of the model differ by too many orders of magnitude; check their units"
             )
         return self._with_dependent_elements(Omega, independent) if s.constrained else independent
+
+    def _at_independent(self, Omega: float) -> LinearPart:
+        """Return the linear part of the independent elements at Omega, which is not finite at a natural frequency."""
+        from hbgear.harmonic.structure.receptance_kernels import linear_part
+
+        out = LinearPart.zero(len(self.k), len(self.structure.independent))
+        linear_part(self._independent, float(Omega), *out)
+        return out
 
     def _with_dependent_elements(self, Omega: float, independent: LinearPart) -> LinearPart:
         """Return the linear part of all elements from that of the independent ones; the others have springs only."""
