@@ -216,7 +216,7 @@ def solve(
         factor = 1.0
         for _ in range(12):
             trial = linearise(problem, X + factor * dX, name, parameters)
-            if norm(trial.R) < norm(evaluation.R) * (1 - 0.1 * factor):  # a sufficient decrease; false for nan
+            if norm(trial.R) < norm(evaluation.R) * (1 - 0.1 * factor):  # a sufficient decrease, which nan never passes
                 break
             factor *= 0.5
         else:
