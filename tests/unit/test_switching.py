@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 
 from hbgear import Cubic, Duffing, Element, HarmonicBalance, Load, SpurPair, StepControl, System, trace
+from hbgear.continuation.problem.base import ContinuationProblem
+from hbgear.continuation.solvers.newton import NewtonSettings
 from hbgear.continuation.switch import switch
+from hbgear.continuation.tracing.jumps import point_on_new_branch
 from hbgear.gears import DoubleHelicalPair
 
 PARAMETRIC = SpurPair(F_m=0.1, eps=(0.3,), e=())
@@ -153,3 +156,31 @@ def test_a_doubled_branch_has_no_unexplained_change_of_stability_at_its_ends():
         away.multipliers[0] *= 1.1
         assert not any("without a special point" in x for x in away.warnings)
     assert doubled.stable[doubled["EP1"].index - 1] and not doubled.stable.all()
+
+
+# ---- points on new branches
+
+
+class Pitchfork(ContinuationProblem):
+    """x (p - x^2) = 0 with the unknown frequency w = 1 + x^2."""
+
+    size, unknown_parameters = 2, ("w",)
+
+    def evaluate(self, X, p, w=0.0):
+        x, w = X
+        return np.array([x * (p - x**2), w - 1 - x**2]), np.array([[p - 3 * x**2, 0.0], [-2 * x, 1.0]])
+
+    def split(self, U):
+        return U[:-1], {"w": float(U[-1])}
+
+    def join(self, X, parameters):
+        return np.append(X, parameters["w"])
+
+
+def test_a_point_on_a_new_branch_has_its_own_unknown_parameter():
+    """The branch x = +-sqrt(p) leaves at p = 0; its frequency is not that of the branch point."""
+    branch = trace(Pitchfork(), "p", (-1.0, 1.0), np.array([0.0, 1.0]))
+    point = point_on_new_branch(branch, branch["BP1"], 1, 0.1, NewtonSettings())
+    (x,) = point.X
+    assert x**2 == pytest.approx(0.01, rel=1e-9)
+    assert point.parameters == pytest.approx({"p": x**2, "w": 1 + x**2}, rel=1e-9)
