@@ -145,7 +145,7 @@ def test_figures(curve, tori):
     np.testing.assert_array_equal(first.get_ydata()[:60], tori.amplitude("rms", "link")[:60])
     both = hb.plot.responses([curve, tori], "rms", "link", names=["periodic", "tori"])
     assert {line.get_gid() for line in both.lines} >= {"tori", "branch unknown True"}
-    assert hb.plot.response(tori).get_xlabel() == "Omega"
+    assert hb.plot.response(tori).get_xlabel() == r"$\Omega$"
     (section,) = hb.plot.torus_section(tori, 10).lines
     x, y = section.get_data()
     assert (x[0], y[0]) == pytest.approx((x[-1], y[-1])) and len(x) == 401

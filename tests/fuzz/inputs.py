@@ -29,7 +29,7 @@ from scipy import sparse
 
 import hbgear as hb
 from hbgear import plot
-from hbgear.plot import simulation
+from hbgear.plot.simulations import simulation
 from hbgear.time.steady_state import SteadyStateSettings
 
 from . import pool

@@ -825,7 +825,7 @@ def test_micrometres_have_one_sign_in_all_labels():
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("backlash [\N{MICRO SIGN}m]", "inertia [kg m\N{SUPERSCRIPT TWO}]")
     pinion, wheel = (hb.gears.Gear(teeth=z, module="3 mm", face_width="20 mm") for z in (25, 40))
     figure = plot.mesh_cycles(hb.GearPair(pinion, wheel, "80 um").mesh("200 N m"))
-    assert "static error [\N{MICRO SIGN}m]" in [ax.get_ylabel() for ax in figure.axes]
+    assert "static transmission error [\N{MICRO SIGN}m]" in [ax.get_ylabel() for ax in figure.axes]
 
 
 def test_labels_are_legible_on_curves():

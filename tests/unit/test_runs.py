@@ -220,7 +220,7 @@ def test_levels_of_orders_state_their_reference():
         curve = hb.trace(hb.HarmonicBalance(model, 6), "Omega", (1.5, 1.45))
     run, scales = hb.analysis.run_up(curve, "up"), model.scales
     axes = hb.plot.orders(run, (1,), quantity="acceleration")
-    assert axes.get_ylabel() == "level of the acceleration [dB re 1 \N{MICRO SIGN}m/s^2]"
+    assert axes.get_ylabel() == "level of the acceleration [dB re 1 \N{MICRO SIGN}m/s\N{SUPERSCRIPT TWO}]"
     x, y = axes.lines[0].get_data()
     assert x[-1] == pytest.approx(float(scales.pinion_speed(1.5)), rel=1e-12)
     bare = hb.plot.orders(run, (1,), quantity="acceleration", dimensionless=True)

@@ -101,17 +101,15 @@ START_DISTANCE = 1e-3
 
 def _contradictions(branch: BranchData) -> list[str]:
     """Return a warning for each contradiction between the special points and the stability of the points."""
-    if branch.multipliers is None or not branch.meta.get("trace", {}).get("special", True):
+    settings = branch.meta.get("trace", {})
+    if branch.multipliers is None or not settings.get("special", True):
         return []
     kinds: dict[int, list[str]] = {}
-    for point in branch.special:
-        if point.kind in (
-            *STABILITY_CHANGING_KINDS,
-            "EP",
-        ):  # an end point lies on both branches, and has their multipliers
+    for point in branch.special:  # an end point EP lies on both branches, and has their multipliers
+        if point.kind in (*STABILITY_CHANGING_KINDS, "EP"):
             kinds.setdefault(point.index, []).append(point.kind)
     at_limit = np.abs(branch.multipliers[0] - 1.0).min(initial=math.inf) < START_DISTANCE
-    if at_limit or branch.meta["trace"].get("bifurcating"):
+    if at_limit or settings.get("bifurcating"):
         kinds.setdefault(0, [])  # a branch begins at a special point of another one
     name, codes = branch.parameter, np.where(_in_family(branch), UNDECIDED, branch.stability_codes)
     out = [
