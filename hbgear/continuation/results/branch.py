@@ -114,6 +114,9 @@ class Branch(BranchData, BranchFacade):
     def jumps(self, landing: str | Lander | None = None, others: Sequence[Branch] = ()) -> tuple[Jump, ...]:
         """Return the jumps of slow sweeps along the branch.
 
+        Jumps of the other curves of the span are not included. The jumps of all curves are
+        ``[jump for curve in branch.curves for jump in curve.jumps()]``.
+
         Parameters
         ----------
         landing : {"nearest", "integrate"} or callable, optional
