@@ -7,7 +7,7 @@ Other problems compute one point per call. Both use the rules of `stepping.kerne
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
@@ -226,7 +226,7 @@ class Stepper:
         empty if that is the point from which the step begins.
         """
         attempted = partial(self._attempt, u, t, count, scale, control, self._normal(t[0], scale))
-        none, last_turn, failures = np.empty((0, 2 * len(scale) + 4)), math.inf, 0
+        no_point, last_turn, failures = np.empty((0, 2 * len(scale) + 4)), math.inf, 0
         while True:
             attempt = attempted(step)
             if attempt.status == ACCEPTED:
@@ -234,18 +234,9 @@ class Stepper:
             failures += 1
             turned = attempt.turn >= CORNER_TURN_RATIO * last_turn or failures == FAILURES_AT_CORNER
             if self.problem.is_nonsmooth and turned and step > control[0]:
-                low, high, smallest = 0.0, step, float(control[0])
-                while high - low > smallest:
-                    attempt = attempted(0.5 * (low + high))
-                    if attempt.status != ACCEPTED:
-                        high = 0.5 * (low + high)
-                        continue
-                    if attempt.turn > 0.5 * control[2]:  # a smooth bend
-                        return attempt.row[None], attempt.following_step, "", False
-                    low, none = 0.5 * (low + high), attempt.row[None]
-                return none, step, attempt.reason, True
+                return _bisect_to_corner(attempted, step, control, no_point)
             if step <= control[0]:
-                return none, step, attempt.reason, False
+                return no_point, step, attempt.reason, False
             step, last_turn = max(0.5 * step, float(control[0])), attempt.turn or math.inf
 
     def _normal(self, tangent: Array, scale: Array) -> Array:
@@ -286,3 +277,25 @@ class Stepper:
         following = next_step(step, solution.iterations, turn, deviation, control)
         reason = status_message(status, deviation if status == PREDICTION_ERROR else turn)
         return _Attempt(status, np.concatenate([u_new, direction, numbers]), turn, following, reason)
+
+
+def _bisect_to_corner(
+    attempted: Callable[[float], _Attempt], step: float, control: Array, no_point: Array
+) -> tuple[Array, float, str, bool]:
+    """Return the result of `Stepper._single_step` where a step of a given size does not pass a corner.
+
+    The largest accepted step leads to the last point before the corner. A curve that turns much in an accepted step has
+    a smooth bend, and its point is the next one.
+    """
+    table, low, high, reason = no_point, 0.0, step, ""
+    while high - low > control[0]:
+        middle = 0.5 * (low + high)
+        attempt = attempted(middle)
+        reason = attempt.reason
+        if attempt.status != ACCEPTED:
+            high = middle
+        elif attempt.turn > 0.5 * control[2]:
+            return attempt.row[None], attempt.following_step, "", False
+        else:
+            low, table = middle, attempt.row[None]
+    return table, step, reason, True
