@@ -115,10 +115,15 @@ def add_resolution_error(
         interval, unit = PROJECTED_CHECK_INTERVAL, truncation
     else:
         return
-    subset = checked[min(interval // 2, max(len(checked) - 1, 0)) :: interval]
+    subset = every(interval, checked)
     ratios = [max(_resolution_error(problem, X[i], parameter_sets[i]), truncation[i]) / unit[i] for i in subset]
     for i in checked.tolist() if ratios else ():
         observed[i]["error"] = float(np.fmax(truncation[i], unit[i] * np.interp(i, subset, ratios)))
+
+
+def every(interval: int, points: np.ndarray) -> np.ndarray:
+    """Return one of each ``interval`` successive points, from the middle of the first ones; at least one of any."""
+    return points[min(interval // 2, max(len(points) - 1, 0)) :: interval]
 
 
 def _finer(problem: Any, parameters: Mapping[str, float]) -> Any:

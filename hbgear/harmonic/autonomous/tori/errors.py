@@ -15,10 +15,7 @@ from typing import Any
 import numpy as np
 
 from hbgear.common.arrays import Array
-from hbgear.harmonic.balance.resolution import MAX_CHECKED_UNKNOWNS, distance_to_solution
-
-_CHECK_INTERVAL = 4
-"""Points per check [-], which costs about as much as a point. Between them the ratio of both is interpolated."""
+from hbgear.harmonic.balance.resolution import CHECK_INTERVAL, MAX_CHECKED_UNKNOWNS, distance_to_solution, every
 
 
 def check_errors(
@@ -26,6 +23,8 @@ def check_errors(
     parameters: Mapping[str, float],
 ) -> None:  # fmt: skip
     """Replace ``"error"``, the size of the outermost coefficients, by the Newton step with twice the harmonics.
+
+    Some of successive tori are checked. Between them the ratio of both is interpolated.
 
     Parameters
     ----------
@@ -42,10 +41,9 @@ def check_errors(
     parameters : mapping of str to float
         The other parameters.
     """
-    finer = finer_problem(problem)
-    if finer is None or not len(X):
+    if not len(X) or 4 * problem.balance.m * problem.basis.width > 2 * MAX_CHECKED_UNKNOWNS:
         return
-    subset = np.arange(len(X))[min(_CHECK_INTERVAL // 2, len(X) - 1) :: _CHECK_INTERVAL]
+    finer, subset = finer_problem(problem), every(CHECK_INTERVAL, np.arange(len(X)))
     sizes = np.array([max(entry["error"], 1e-300) for entry in observed])
     errors = [resolution_error(problem, finer, X[i], {**parameters, name: float(values[i])}) for i in subset]
     ratios = np.array(errors) / sizes[subset]
@@ -56,9 +54,7 @@ def check_errors(
 
 
 def finer_problem(problem: Any) -> Any:
-    """Return the problem with twice the harmonics of both phases and of the excitation; None if they are too many."""
-    if 4 * problem.balance.m * problem.basis.width > 2 * MAX_CHECKED_UNKNOWNS:
-        return None
+    """Return the problem with twice the harmonics of both phases and of the excitation, without borders."""
     out = copy.copy(problem)
     out.basis = problem.basis.finer()
     out._phase = np.zeros(out.balance.m * out.basis.width)
