@@ -13,6 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from hbgear.common.arrays import Array, ComplexArray
 from hbgear.continuation.results.branch_data import BranchData
 from hbgear.continuation.results.point import SpecialPoint
 from hbgear.continuation.results.stability import (
@@ -111,7 +112,8 @@ def _contradictions(branch: BranchData) -> list[str]:
     at_limit = np.abs(branch.multipliers[0] - 1.0).min(initial=math.inf) < START_DISTANCE
     if at_limit or settings.get("bifurcating"):
         kinds.setdefault(0, [])  # a branch begins at a special point of another one
-    name, codes = branch.parameter, np.where(_in_family(branch), UNDECIDED, branch.stability_codes)
+    name, codes = branch.parameter, branch.stability_codes
+    codes = np.where(_in_family(branch.values, branch.multipliers), UNDECIDED, codes)
     out = [
         f"stability changes between {name} = {branch.values[a]:.9g} and {name} = {branch.values[b]:.9g} without a "
         "special point"
@@ -127,18 +129,16 @@ _SAME_VALUE = 1e-12
 """Relative difference of two values of the parameter that is rounding error."""
 
 
-def _in_family(branch: BranchData) -> NDArray[np.bool_]:
+def _in_family(values: Array, multipliers: ComplexArray) -> NDArray[np.bool_]:
     """Return which points belong to a family at one value of the parameter, with a multiplier +1.
 
     Motions of twice the period in a linear regime have any amplitude at the period doubling. Their stability is
     neutral, and the curve has a corner where it meets the family.
     """
-    same = np.abs(np.diff(branch.values)) <= _SAME_VALUE * np.abs(branch.values[1:])
+    same = np.abs(np.diff(values)) <= _SAME_VALUE * np.abs(values[1:])
     is_vertical = np.append(same, False) | np.append(False, same)
-    multipliers = np.zeros((len(branch), 0)) if branch.multipliers is None else branch.multipliers
-    in_family: NDArray[np.bool_] = is_vertical & (
-        np.abs(multipliers - 1.0).min(axis=1, initial=math.inf) < STABILITY_TOLERANCE
-    )
+    distance = np.abs(multipliers - 1.0).min(axis=1, initial=math.inf)
+    in_family: NDArray[np.bool_] = is_vertical & (distance < STABILITY_TOLERANCE)
     return in_family
 
 

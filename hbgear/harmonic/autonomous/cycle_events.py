@@ -82,7 +82,7 @@ class _CycleEvent(BuiltInEvent):
     def location_error(self, segment: Segment, location: RefinedLocation) -> float:
         """Return the error of the multipliers, estimated with shorter steps, over the slope of the function of them."""
         point, problem = location.point, cast(Any, location.problem)
-        parameters = {**segment.parameters, segment.name: point.value}
+        parameters = segment.parameters_at(point.value)
         k = int(np.abs(self.functions(problem.multipliers(point.X, **parameters))).argmin())
         values = [self.functions(problem.multipliers(point.X, 6, width, **parameters))[k] for width in _SHORT_STEPS]
         distances = [

@@ -53,11 +53,13 @@ def pins_of(problem: Any, X: Array, parameters: Mapping[str, float]) -> Pins | N
         middle = X.copy()
         middle[problem.means] = centre
         free = _free_means(problem, middle, parameters, kr)
+        if not free.size:
+            return None
         middle[problem.means] = X[problem.means] + free @ (free.T @ (centre - X[problem.means]))
         residual = np.abs(problem.evaluate(middle, **parameters)[0]).max()
         if residual > MAX_RELATIVE_RESIDUAL * kr * np.abs(X).max():
             return None
-    return Pins(kr * free @ free.T, centre) if free.size else None
+    return Pins(kr * free @ free.T, centre)
 
 
 def _free_means(problem: Any, X: Array, parameters: Mapping[str, float], kr: float) -> Array:
