@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from cross.shooting import shoot, state
+from scipy import sparse
 
 import hbgear as hb
 from hbgear.harmonic.instants.equations import Equations, NotPiecewiseLinear
@@ -357,3 +358,19 @@ def test_residual_where_a_contact_begins_is_relative_to_the_motion():
     touching = hb.System([[1.0]], [[0.05203305]], [[1.0]], [hb.Element([1.0], hb.Unilateral(27.154, 0.0))], load)
     curve = hb.trace(hb.ContactInstants(touching), "Omega", (2.37, 2.34))
     assert "GR" in {one.kind for one in curve.special} and curve.residual.max() < 1e-11
+
+
+@pytest.mark.slow
+def test_a_structure_of_1600_coordinates_has_the_exact_motion_of_its_modes():
+    """A string of masses with a stop: the structure that a curve reduces, against one that is reduced before."""
+    n = 1600
+    K = 2 * n / np.pi**2 * sparse.diags_array([-np.ones(n - 1), 2 * np.ones(n), -np.ones(n - 1)], offsets=[-1, 0, 1])
+    M, middle = 2 / n * sparse.eye_array(n), np.eye(1, n, n // 2)[0]
+    element = hb.Element(middle, hb.Unilateral(k=0.5, gap=0.5), name="stop")
+    string = hb.System(M, 0.05 * M, K, [element], hb.Load(cosine={1: 0.1 * middle}))
+    problem = hb.HarmonicBalance(string, 8).restricted_to("Omega", 1.0, 1.0, {})
+    small = hb.HarmonicBalance(hb.mechanics.reduce(string, modes=20).system, 8)
+    exact, expected = (refine_motion(p, p.start(Omega=1.0), {"Omega": 1.0}) for p in (problem, small))
+    assert len(exact.instants) == 2 and exact.residual < 1e-10 and exact.distance < 0.02
+    np.testing.assert_allclose(np.sort(exact.instants), np.sort(expected.instants), atol=2e-3)
+    np.testing.assert_allclose(np.abs(exact.multipliers[:2]), np.abs(expected.multipliers[:2]), rtol=2e-3)

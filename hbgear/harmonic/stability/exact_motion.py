@@ -11,6 +11,7 @@ import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.continuation.solvers.newton import NoConvergence
+from hbgear.harmonic.equations.motion import coordinates
 from hbgear.harmonic.instants.equations import Equations, EquationsAt
 from hbgear.harmonic.instants.pattern import InconsistentPatternError
 from hbgear.harmonic.instants.refine import Approximation, ExactMotion, initial, refine, solve
@@ -165,11 +166,11 @@ def _refine(problem: Any, X: Array, parameters: Mapping[str, float], free: bool)
 def _approximation(problem: Any, X: Array, parameters: Mapping[str, float]) -> tuple[Equations, Approximation]:
     """Return the equations, and the switching times and Fourier coefficients of a solution."""
     compiled = problem.compiled(parameters)
-    values = {name: float(value) for name, value in parameters.items()}
     crossings = compiled.crossings(X)
     number = np.concatenate([np.arange(len(b)) for b in compiled.contact_equations.breakpoints]).astype(int)
     instants = [
         (float(theta * problem.nu), int(compiled.element[row]), int(number[row]), int(sign))
         for row, theta, sign in zip(crossings.row, crossings.theta, crossings.sign, strict=True)
     ]
-    return compiled.contact_equations, Approximation(problem.motion(X, **values), instants)
+    rows = coordinates(compiled, X, float(parameters["Omega"]))  # of the reduced structure, if the structure is large
+    return compiled.contact_equations, Approximation(rows, instants)
