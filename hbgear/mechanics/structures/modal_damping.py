@@ -2,7 +2,8 @@
 
     C = M Phi diag(2 zeta_i omega_i) Phi^T M,   K Phi = M Phi diag(omega_i^2),   Phi^T M Phi = 1
 
-The modes are those of the linear structure M, K without elements. Modes at rest have no damping.
+The modes are those of the linear structure M, K without elements. Modes at rest have no damping. The squares of the
+frequencies are Rayleigh quotients: rounding changes the lowest eigenvalues of a fine mesh.
 
 References
 ----------
@@ -27,6 +28,10 @@ MAX_MODAL_COORDINATES = 4000
 
 ASYMMETRY = 1e-9
 """Difference of a matrix from its transpose, relative to its largest entry, that is attributed to rounding."""
+
+REST_ROUNDING = 10 * np.finfo(float).eps
+"""Energy of a mode over the sum of the absolute values of its terms, below which the mode is at rest. Rigid motions
+of beams of 10 to 700 elements have at most 2e-17, bending modes at least 1e-12."""
 
 
 @checked_arguments(ratios="a number, or a list of numbers for the lowest modes")
@@ -71,10 +76,11 @@ def modal_damping(M: Any, K: Any, ratios: float | Sequence[float]) -> Array:
         raise ValueError(
             "modal_damping: M is not positive definite; remove coordinates without mass, or give C"
         ) from None
-    rounding = ASYMMETRY * np.abs(squares).max()
-    if squares[0] < -rounding:
+    if squares[0] < -ASYMMETRY * np.abs(squares).max():
         raise ValueError(f"modal_damping: K has a negative eigenvalue, omega^2 = {squares[0]:.4g}: the structure is "
                          "not stable without its elements; give C")  # fmt: skip
+    squares = np.sum(modes * (K @ modes), axis=0)
+    rounding = REST_ROUNDING * np.sum(np.abs(modes) * (np.abs(K) @ np.abs(modes)), axis=0)
     frequencies = np.sqrt(np.where(squares > rounding, squares, 0.0))
     zeta = np.concatenate([values, np.full(max(len(squares) - values.size, 0), values[-1])])[: len(squares)]
     M_modes = M @ modes
