@@ -176,6 +176,29 @@ def test_speed_over_a_span_in_its_own_unit(run, file):
 
 
 @pytest.mark.slow
+def test_safe_speeds_do_not_depend_on_the_range_or_the_command(run, file):
+    """At 9000 r/min a curve of the motions of lower speeds does not have the motions that come from higher ones.
+
+    From 17154 r/min on there is a stable motion of twice the mesh period, which leaves above the traced span.
+    """
+
+    def ranges(*words):
+        code, out, err = run(*words)
+        assert (code, err) == (0, "")
+        line = next(x for x in out.splitlines() if x.startswith("safe speeds"))
+        return [(float(a), float(b)) for a, b in re.findall(r"(\d+) to (\d+)", line)]
+
+    file.write_text(TEXT)
+    whole = ranges("speed", file)
+    assert whole == ranges("gear", *DRAWING, "--damping", 0.04)
+    assert [high for _, high in whole][-1] == pytest.approx(17154, rel=1e-3)
+    below = [(low, min(high, 9000)) for low, high in whole if low < 9000]
+    assert ranges("speed", file, "--from", "9000r/min") == below
+    code, out, _ = run("speed", file, "--from", "18000r/min", "--to", "20000r/min")
+    assert code == 0 and "recommendation: avoid 18000 to 20000 r/min" in out and "begins at" in out
+
+
+@pytest.mark.slow
 def test_gear_reports_the_requested_quantities(run, tmp_path):
     code, out, err = run("gear", *DRAWING, "--damping", 0.04, "-o", "box.toml")
     assert (code, err) == (0, "")

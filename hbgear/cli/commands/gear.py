@@ -31,10 +31,11 @@ from hbgear.cli.machine_report.assumptions import (
     factor_and_jumps,
     print_assumptions,
     show_assumptions,
+    with_default_span,
 )
-from hbgear.cli.machine_report.speed_ranges import numbers_text
+from hbgear.cli.machine_report.speed_ranges import clipped
 from hbgear.cli.machine_report.speeds import recommendation, show_speeds
-from hbgear.cli.machine_report.subharmonics import subharmonics
+from hbgear.cli.machine_report.subharmonics import Subharmonic, show_subharmonics, subharmonics
 from hbgear.cli.output import exit_code, print_table, print_text
 from hbgear.cli.output_files import FIGURES, check_writable, outputs
 from hbgear.cli.quantities import is_number
@@ -149,7 +150,8 @@ def speed(
     """Compute resonances, jumps, safe and critical speeds of a machine.
 
     Resonances and jumps have their dynamic factors, transmission errors and forces. For a gear pair, a table shows how
-    they change with assumed values: damping, pitch error, tip relief, inertia and the model of the mesh.
+    they change with assumed values: damping, pitch error, tip relief, inertia and the model of the mesh. --from and
+    --to limit the tables; the curve of a gear pair covers its usual range too, because motions may come from there.
 
     Exit codes: 0 the end was reached, 2 bad input, 3 stopped early (all traced points are saved).
     """
@@ -161,21 +163,35 @@ def speed(
     for option, text in (("--from", first), ("--to", last)):
         if text is not None and is_number(text):
             raise ValueError(f"{option} {text}: need a speed with its unit, such as {option} 9000r/min")
-    span = span_of(model, first, last)
+    span, shown = span_of(model, first, last), None
     from hbgear.gears import DrawnPair
 
-    problem = hb.HarmonicBalance(model, harmonics_of(harmonics))
+    count = harmonics_of(harmonics)
+    problem, doubled = hb.HarmonicBalance(model, count), list[Subharmonic]()
     check_shown(problem, measure, 0)
+    is_pair = isinstance(model, DrawnPair) and model.mesh_order == 1  # otherwise each curve takes minutes
+    if is_pair and (first is not None or last is not None):
+        low, high = (float(model.scales.pinion_speed(end)) for end in sorted(span))
+        shown, span = (low, high), with_default_span(model, span)
     with without_contact_warning():
         curve = traced(problem, "Omega", span)
+        if is_pair and curve.status.complete:
+            doubled = subharmonics(model, curve, count, Event())
+    other_ranges = [speeds for motions in doubled for speeds in motions.ranges]
     with without_contact_warning(), outputs() as out:
         out.branch(output, curve)
         out.figure(plot, lambda drawing: drawing.response(curve, measure, dimensionless=dimensionless))
         print_text(f"{model.title or file}: {len(curve)} points; {message_of(curve, dimensionless)}")
-        show_speeds(model, curve, dimensionless)
-        if isinstance(model, DrawnPair) and model.mesh_order == 1:
-            show_assumptions(model, curve, harmonics_of(harmonics), span)
-        print_text(recommendation(model, curve))
+        if shown is not None:
+            print_text(f"speeds from {shown[0]:.0f} to {shown[1]:.0f} r/min, with motions that come from other speeds")
+        show_speeds(model, curve, dimensionless, other_ranges, shown)
+        show_subharmonics([motions for motions in doubled if clipped(motions.ranges, shown)])
+        if is_pair:
+            show_assumptions(cast("DrawnPair", model), curve, count, shown)
+        elif first is not None or last is not None:
+            print_text("not included: motions that are reached from speeds outside this range, and those of twice "
+                       "the period")  # fmt: skip
+        print_text(recommendation(model, curve, other_ranges=other_ranges, shown=shown))
     raise typer.Exit(exit_code(curve))
 
 
@@ -297,10 +313,7 @@ def _trace_and_report(
             print_table(["pairs of teeth", ""], list(gear_tables.teeth(machine, model, curve)))
         if machine.friction:
             print_table(["friction between the teeth", ""], list(gear_tables.losses(machine, curve)))
-        if doubled:
-            headers = ["begins at", "stable at pinion r/min", "largest dynamic factor"]
-            rows = [[f"{x.begin:.0f} r/min", numbers_text(x.ranges), rounded(x.factor, 3)] for x in doubled]
-            print_table(headers, rows, "other motions of twice the mesh period, which may be reached instead")
+        show_subharmonics(doubled)
         first[0] = "as computed"
         print_assumptions([first, *(row for row in computed if row not in damping)])
         helpful = [(MEASURES[row[0]], _number_in(row[1])) for row in computed if row[0] in MEASURES]

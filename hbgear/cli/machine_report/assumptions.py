@@ -12,10 +12,8 @@ from functools import partial
 from threading import Event
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 import hbgear as hb
-from hbgear.cli.machine_report.speed_ranges import scales_of
+from hbgear.cli.machine_report.speed_ranges import is_shown, scales_of
 from hbgear.cli.machine_report.speeds import ACCURACY_GRADE, is_unbounded
 from hbgear.cli.output import print_table
 from hbgear.common.process.threads import begun
@@ -64,15 +62,28 @@ def alternative_results(
         reference=getattr(model, "reference", ())) == model  # fmt: skip
     if not is_reusable:
         problem, unit = hb.HarmonicBalance(changed, count), float(scales_of(changed).pinion_speed(1.0))
-        span = changed.default_span if speeds is None else (speeds[0] / unit, speeds[1] / unit)
+        ends = () if speeds is None else (speeds[0] / unit, speeds[1] / unit)
+        span = with_default_span(changed, ends)
         curve = hb.trace(problem, "Omega", span, steps=LONG_STEPS, accuracy=None,
                          progress=until(stop))  # fmt: skip
-    return factor_and_jumps(changed, curve)
+    return factor_and_jumps(changed, curve, speeds)
 
 
-def factor_and_jumps(model: hb.mechanics.Model, curve: hb.Branch) -> tuple[str, str]:
-    """Return the largest dynamic factor and the jump speeds as texts."""
-    return largest_factor(model, curve), _jump_speeds(model, curve)
+def with_default_span(model: hb.mechanics.Model, ends: Sequence[float]) -> tuple[float, float]:
+    """Return the default span of Omega of a model, extended to given ends.
+
+    Motions of a range of speeds may be reached from outside this range only, so that a curve of the range misses them.
+    """
+    first, last = model.default_span
+    every = (first, last, *ends)
+    return (max(every), min(every)) if first > last else (min(every), max(every))
+
+
+def factor_and_jumps(
+    model: hb.mechanics.Model, curve: hb.Branch, shown: tuple[float, float] | None = None
+) -> tuple[str, str]:
+    """Return the largest dynamic factor and the jump speeds as texts, in a range of speeds [r/min]."""
+    return largest_factor(model, curve, shown), _jump_speeds(model, curve, shown)
 
 
 def alternatives(model: DrawnPair, by_default: bool = False) -> Iterator[tuple[str, Callable[[], DrawnPair]]]:
@@ -130,8 +141,8 @@ def _lighter(gear: hb.gears.Gear, factor: float) -> hb.gears.Gear:
     return dataclasses.replace(gear, inertia=factor * gear.inertia_used)
 
 
-def show_assumptions(model: DrawnPair, curve: hb.Branch, count: int | str, span: tuple[float, float]) -> None:
-    """Print the table of assumptions of a gear pair and of their effect in a range of Omega.
+def show_assumptions(model: DrawnPair, curve: hb.Branch, count: int | str, shown: tuple[float, float] | None) -> None:
+    """Print the table of assumptions of a gear pair and of their effect in a range of speeds.
 
     Parameters
     ----------
@@ -141,17 +152,16 @@ def show_assumptions(model: DrawnPair, curve: hb.Branch, count: int | str, span:
         Its curve.
     count : int or str
         Harmonic truncation order of the other curves.
-    span : tuple of float
-        Range of Omega.
+    shown : tuple of float or None
+        Range of the speed [r/min] that is reported; None is that of the curve.
     """
-    low, high = (float(scales_of(model).pinion_speed(end)) for end in span)
 
     def row(assumption: tuple[str, Callable[[], DrawnPair]], stop: Event) -> list[str]:
         name, changed = assumption
-        return [name, *alternative_results(changed().equations, model.equations, curve, count, stop, (low, high))]
+        return [name, *alternative_results(changed().equations, model.equations, curve, count, stop, shown)]
 
     with begun(row, [*alternatives(model)]) as results:
-        rows = [["as computed", *factor_and_jumps(model, curve)], *(future.result() for future in results)]
+        rows = [["as computed", *factor_and_jumps(model, curve, shown)], *(future.result() for future in results)]
     print_assumptions(rows)
 
 
@@ -165,21 +175,26 @@ _MESH_WORDS = {"teeth": "mesh of tooth pairs", "secant": "one stiffness, secant"
 """Names of the models of the mesh in tables."""
 
 
-def _jump_speeds(model: hb.mechanics.Model, curve: hb.Branch) -> str:
+def _jump_speeds(model: hb.mechanics.Model, curve: hb.Branch, shown: tuple[float, float] | None) -> str:
     jumps = [jump for branch in curve.curves for jump in branch.jumps()]
     speeds = sorted((float(scales_of(model).pinion_speed(jump.value)), jump.direction) for jump in jumps)
-    return ", ".join(f"{rpm:.0f}{'+' if direction > 0 else '-'}" for rpm, direction in speeds) or "none"
+    listed = [f"{rpm:.0f}{'+' if direction > 0 else '-'}" for rpm, direction in speeds if is_shown(rpm, shown)]
+    return ", ".join(listed) or "none"
 
 
-def largest_factor(model: hb.mechanics.Model, curve: hb.Branch) -> str:
-    """Return the largest dynamic factor of the stable points with the largest amplitudes."""
-    if any(map(is_unbounded, curve.curves)):
-        return "unbounded"
-    return rounded(max(hb.analysis.dynamic_factor(model, point) for point in largest_motions(curve)), 3)
+def largest_factor(model: hb.mechanics.Model, curve: hb.Branch, shown: tuple[float, float] | None = None) -> str:
+    """Return the largest dynamic factor of the stable points with the largest amplitudes, in a range of r/min."""
+    unit = float(scales_of(model).pinion_speed(1.0))
+    for branch in filter(is_unbounded, curve.curves):
+        if is_shown(unit * branch.asymptotes.get("last", float(branch.values[-1])), shown):
+            return "unbounded"
+    span = None if shown is None else (shown[0] / unit, shown[1] / unit)
+    factors = [hb.analysis.dynamic_factor(model, point) for point in largest_motions(curve, span)]
+    return rounded(max(factors), 3) if factors else "-"
 
 
-def largest_motions(curve: hb.Branch) -> list[hb.Point]:
-    """Return the stable points with the largest amplitudes of a curve and of each of its others.
+def largest_motions(curve: hb.Branch, span: tuple[float, float] | None = None) -> list[hb.Point]:
+    """Return the stable points with the largest amplitudes of a curve and of each of its others, in a span of Omega.
 
     A part that goes to infinity is left out, because its largest motion is where the curve ends.
     """
@@ -187,5 +202,6 @@ def largest_motions(curve: hb.Branch) -> list[hb.Point]:
     for branch in curve.curves:
         size = branch.amplitude("max") * (branch.stable if branch.stable is not None else 1.0)
         part = bounded_points(branch)
-        points += [branch[part.start + int(i)] for i in np.argsort(size[part])[-FACTOR_CANDIDATES:]]
+        inside = [i for i in range(len(branch))[part] if is_shown(float(branch.values[i]), span)]
+        points += [branch[i] for i in sorted(inside, key=lambda i: size[i])[-FACTOR_CANDIDATES:]]
     return points

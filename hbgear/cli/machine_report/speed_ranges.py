@@ -18,6 +18,25 @@ SHORTEST_RANGE = 1e-3
 the points of a curve leave shorter ones."""
 
 
+def is_shown(speed: float, shown: tuple[float, float] | None) -> bool:
+    """Return whether a speed lies in the range of speeds that is reported, with its ends; None is any range."""
+    return shown is None or shown[0] <= speed <= shown[1]
+
+
+def clipped(ranges: Ranges, shown: tuple[float, float] | None) -> Ranges:
+    """Return the parts of ranges within the range that is reported.
+
+    Examples
+    --------
+    >>> clipped([(1.0, 2.0), (5.0, 9.0)], (1.5, 6.0))
+    [(1.5, 2.0), (5.0, 6.0)]
+    """
+    if shown is None:
+        return ranges
+    parts = [(max(low, shown[0]), min(high, shown[1])) for low, high in ranges]
+    return [(low, high) for low, high in parts if low < high]
+
+
 def scales_of(model: hb.mechanics.Model) -> Scales:
     """Return the scales of a model, which the speeds in r/min need."""
     if model.scales is None:

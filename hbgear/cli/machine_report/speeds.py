@@ -20,7 +20,9 @@ from hbgear.analysis.quantities.axis_quantities import Ordinate
 from hbgear.analysis.summary import digits_of, leaving_lines, text_at
 from hbgear.cli.machine_report.speed_ranges import (
     Ranges,
+    clipped,
     contact_lost,
+    is_shown,
     jumps_possible,
     merged,
     meshes_of,
@@ -133,8 +135,9 @@ def _peaks(size: Array, stable: Array) -> list[int]:
 
 
 def show_speeds(
-    model: hb.mechanics.Model, curve: hb.Branch, dimensionless: bool = False, other_ranges: Ranges | None = None
-) -> None:
+    model: hb.mechanics.Model, curve: hb.Branch, dimensionless: bool = False, other_ranges: Ranges | None = None,
+    shown: tuple[float, float] | None = None,
+) -> None:  # fmt: skip
     """Print resonances, jumps, speed ranges and critical speeds of a machine.
 
     Parameters
@@ -147,32 +150,34 @@ def show_speeds(
         Whether Omega is printed as well; default False.
     other_ranges : list of tuple of float, optional
         Ranges of the speed [r/min] with other motions that lose the contact of the teeth.
+    shown : tuple of float, optional
+        Range of the speed [r/min] that is reported. Default: that of the curve.
 
     Raises
     ------
     ValueError
         If the model has no scales.
     """
-    _show_resonances(model, curve)
-    _show_jumps(model, curve, dimensionless)
+    _show_resonances(model, curve, shown)
+    _show_jumps(model, curve, dimensionless, shown)
     for number, branch in enumerate(curve.curves, 1):
         for line in leaving_lines(branch):
             print_text(line if number == 1 else f"curve {number}: {line}")
-    _show_ranges(model, curve, other_ranges or [])
+    _show_ranges(model, curve, other_ranges or [], shown)
     _show_critical(model, curve)
 
 
-def _show_resonances(model: hb.mechanics.Model, curve: hb.Branch) -> None:
+def _show_resonances(model: hb.mechanics.Model, curve: hb.Branch, shown: tuple[float, float] | None) -> None:
     scales, several = scales_of(model), len(meshes_of(model)) > 1
     rows = [
         [f"{r.speed:.0f}", f"{float(scales.mesh_frequency(r.point.parameters['Omega'])):.0f}",
          *([str(r.mesh)] if several else []), _number_or_dash(r.factor), rounded(r.transmission_error, 3),
          f"{r.force:.0f}", "before a jump" if r.ends else ""]
-        for r in resonances(model, curve)
+        for r in resonances(model, curve) if is_shown(r.speed, shown)
     ]  # fmt: skip
     for branch in curve.curves:
-        if is_unbounded(branch):
-            end = branch.asymptotes.get("last", float(branch.values[-1]))
+        end = branch.asymptotes.get("last", float(branch.values[-1]))
+        if is_unbounded(branch) and is_shown(float(scales.pinion_speed(end)), shown):
             speeds = [float(convert(end)) for convert in (scales.pinion_speed, scales.mesh_frequency)]
             mesh = ["-"] if several else []
             rows.append([*(f"{x:.0f}" for x in speeds), *mesh, *["unbounded"] * 3, "more damping would limit it"])
@@ -190,15 +195,19 @@ def _number_or_dash(value: float) -> str:
     return rounded(value, 3) if np.isfinite(value) else "-"
 
 
-def _show_jumps(model: hb.mechanics.Model, curve: hb.Branch, dimensionless: bool) -> None:
+def _show_jumps(
+    model: hb.mechanics.Model, curve: hb.Branch, dimensionless: bool, shown: tuple[float, float] | None
+) -> None:
     scales, pair = scales_of(model), getattr(model, "pair", None)
     rows = []
     branches = curve.curves
     for number, branch_landings in enumerate(landings(branches), 1):
         for jump in (landing.jump for landing in branch_landings):
+            speed = float(scales.pinion_speed(jump.value))
+            if not is_shown(speed, shown):
+                continue
             digits = digits_of(jump.before, 6)
             factors = [factor_text(model, point, min(digits, 3)) for point in (jump.before, jump.after)]
-            speed = float(scales.pinion_speed(jump.value))
             hertz = rounded(float(scales.mesh_frequency(jump.value)), digits)
             direction = "increasing" if jump.direction > 0 else "decreasing"
             Omega = [text_at(jump.before, "Omega")] if dimensionless else []
@@ -207,7 +216,8 @@ def _show_jumps(model: hb.mechanics.Model, curve: hb.Branch, dimensionless: bool
                 row.append(f"{float(hb.gears.iso_dynamic_factor(pair, mesh_torque(model), speed, ACCURACY_GRADE)):.2f}")
             rows.append(row)
     if not rows:
-        print_text("no jumps on these curves" if curve.others else "no jumps on this curve")
+        where = "on these curves" if curve.others else "on this curve"
+        print_text(f"no jumps {where if shown is None else 'in this range of speeds'}")
         return
     headers = ["", "pinion r/min", "mesh Hz", *(["Omega"] if dimensionless else []), "sweep", "dynamic factor before",
                "after"]  # fmt: skip
@@ -226,12 +236,14 @@ def mesh_torque(model: Any) -> float:
     return effective_torque(model.torque, model.torque_orders)
 
 
-def _show_ranges(model: hb.mechanics.Model, curve: hb.Branch, other_ranges: Ranges) -> None:
-    low, high = speed_span(model, curve)
-    lost = merged([*contact_lost(model, curve), *other_ranges])
-    unknown = without_stable_motion(model, curve)
+def _show_ranges(
+    model: hb.mechanics.Model, curve: hb.Branch, other_ranges: Ranges, shown: tuple[float, float] | None
+) -> None:
+    low, high = shown or speed_span(model, curve)
+    lost = clipped(merged([*contact_lost(model, curve), *other_ranges]), shown)
+    unknown = clipped(without_stable_motion(model, curve), shown)
     avoided = merged([*lost, *unknown])
-    jumps = jumps_possible(model, curve, avoided)
+    jumps = clipped(jumps_possible(model, curve, avoided), shown)
     if not avoided and not jumps:
         print_text(f"linear at this load: the teeth stay in contact from {low:.0f} to {high:.0f} r/min")
         return
@@ -289,7 +301,7 @@ def factor_text(model: hb.mechanics.Model, point: hb.Point | None, digits: int) 
 
 def recommendation(
     model: hb.mechanics.Model, curve: hb.Branch, measures: Sequence[tuple[str, float]] = (), reference: float = np.inf,
-    other_ranges: Ranges | None = None,
+    other_ranges: Ranges | None = None, shown: tuple[float, float] | None = None,
 ) -> str:  # fmt: skip
     """Return one sentence on the speeds to avoid and on the change of the design that helps most.
 
@@ -305,6 +317,8 @@ def recommendation(
         Largest dynamic factor of the design.
     other_ranges : list of tuple of float, optional
         Ranges of the speed [r/min] with other motions that lose the contact of the teeth.
+    shown : tuple of float, optional
+        Range of the speed [r/min] that is reported. Default: that of the curve.
 
     Returns
     -------
@@ -312,8 +326,8 @@ def recommendation(
         The sentence.
     """
     lost = merged([*contact_lost(model, curve), *(other_ranges or []), *without_stable_motion(model, curve)])
-    avoided = merged([*lost, *jumps_possible(model, curve, lost)])
-    finite_resonances = [x for x in resonances(model, curve) if np.isfinite(x.factor)]
+    avoided = clipped(merged([*lost, *jumps_possible(model, curve, lost)]), shown)
+    finite_resonances = [x for x in resonances(model, curve) if np.isfinite(x.factor) and is_shown(x.speed, shown)]
     if avoided:
         text = f"avoid {speeds_text(avoided)}"
     elif finite_resonances:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from threading import Event
 from typing import NamedTuple
 
@@ -11,7 +11,9 @@ import numpy as np
 
 import hbgear as hb
 from hbgear.cli.machine_report.assumptions import FACTOR_CANDIDATES, LONG_STEPS, until
-from hbgear.cli.machine_report.speed_ranges import Ranges, merged, scales_of
+from hbgear.cli.machine_report.speed_ranges import Ranges, merged, numbers_text, scales_of
+from hbgear.cli.output import print_table
+from hbgear.common.text.digits import rounded
 
 SAME_SPEED = 1e-4
 """Difference of Omega [-] below which a curve of twice the period ends at a period doubling."""
@@ -41,16 +43,24 @@ class Subharmonic(NamedTuple):
 
 def subharmonics(model: hb.mechanics.Model, curve: hb.Branch, count: int | str, stop: Event) -> list[Subharmonic]:
     """Return the subharmonic motions that begin on a curve, the others of its span, and the curve above the span."""
-    span = (float(curve.values.min()), PARAMETRIC_SPAN)
-    curves = (_parametric_curve(model, count), *curve.curves)
+    span, top = (float(curve.values.min()), PARAMETRIC_SPAN), float(curve.values.max())
+    curves = curve.curves if top >= PARAMETRIC_SPAN else (_parametric_curve(model, count, top), *curve.curves)
     return [found for branch in curves for found in _from_curve(model, branch, span, stop)]
 
 
-def _parametric_curve(model: hb.mechanics.Model, count: int | str) -> hb.Branch:
-    """Return the curve above the usual span, in which the period doublings of the parametric resonance lie."""
+def show_subharmonics(motions: Sequence[Subharmonic]) -> None:
+    """Print the table of subharmonic motions, if there are any."""
+    if motions:
+        headers = ["begins at", "stable at pinion r/min", "largest dynamic factor"]
+        rows = [[f"{x.begin:.0f} r/min", numbers_text(x.ranges), rounded(x.factor, 3)] for x in motions]
+        print_table(headers, rows, "other motions of twice the mesh period, which may be reached instead")
+
+
+def _parametric_curve(model: hb.mechanics.Model, count: int | str, top: float) -> hb.Branch:
+    """Return the curve above the traced span, in which the period doublings of the parametric resonance lie."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", hb.mechanics.ImplausibleInputWarning)  # no loss of contact there is usual
-        span = (PARAMETRIC_SPAN, model.default_span[0])
+        span = (PARAMETRIC_SPAN, top)
         return hb.trace(hb.HarmonicBalance(model, count), "Omega", span, steps=LONG_STEPS, accuracy=None)
 
 
