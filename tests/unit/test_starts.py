@@ -74,9 +74,10 @@ def test_a_curve_without_a_stable_point_has_a_warning():
     assert not curve.stable.any() and "no point of the curve is stable" in " ".join(curve.warnings)
 
 
-def test_stable_static_states_come_first():
-    """Of a double well the two wells, and the top between them last."""
-    compiled = hb.HarmonicBalance(oscillator(-1.0, 0.1, hb.Cubic(k3=4.0)), 3).compiled({})
+@pytest.mark.parametrize("K", [-1.0, -0.5, 0.0])
+def test_stable_static_states_come_first(K):
+    """Of a double well the two wells, and the top between them last, however the linear part is split."""
+    compiled = hb.HarmonicBalance(oscillator(K, 0.1, hb.Cubic(k3=4.0, k1=-1.0 - K)), 3).compiled({})
     found = list(static_states(compiled, 1.0))
     assert found[0].stable and abs(found[0].d[0]) == pytest.approx(0.5, rel=1e-6)
     assert not found[-1].stable and found[-1].balanced and found[-1].d[0] == pytest.approx(0.0, abs=1e-9)

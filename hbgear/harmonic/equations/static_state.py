@@ -69,17 +69,23 @@ def _solve_static(compiled: Evaluator, Omega: float, d: Array) -> Static:
     linear, structure = compiled.linear(Omega), compiled.structure
     sums, compatibility = structure.force_sums, structure.compatibility
     e, Z, g = compiled.receptance.e[0].real, linear.Z[0].real, linear.g[0].real
+    settled = False
     for _ in range(_MAX_STATIC_ITERATIONS):
         p, k = _mean_force_and_stiffness(compiled, d)
         r = sums @ (Z @ d + g + p) + compatibility @ (d + e)
         terms = np.abs(sums) @ (np.abs(Z) @ np.abs(d) + np.abs(g) + np.abs(p)) + np.abs(compatibility) @ np.abs(d + e)
-        if np.linalg.norm(r) <= _RESIDUAL_ROUNDING * np.linalg.norm(terms):
+        residual, rounding = np.linalg.norm(r), _RESIDUAL_ROUNDING * np.linalg.norm(terms)
+        # the force of one law may be a sum of large terms that cancel, as in a double well; k d is their size
+        cancellation = _CANCELLATION_ROUNDING * np.linalg.norm(np.abs(sums) @ (np.abs(k) @ np.abs(d)))
+        if residual <= rounding or settled:
             break
         step = np.linalg.lstsq(sums @ (Z + k) + compatibility, r, rcond=1e-12)[0]
         d = d - step
-        if not np.isfinite(d).all() or (np.abs(step) <= _MIN_RELATIVE_STEP * np.abs(d)).all():
+        if not np.isfinite(d).all():
             break
-    balanced = bool(np.isfinite(d).all() and np.linalg.norm(r) <= _EQUILIBRIUM_TOLERANCE * np.linalg.norm(terms))
+        settled = bool((np.abs(step) <= _MIN_RELATIVE_STEP * np.abs(d)).all())
+    limit = max(_EQUILIBRIUM_TOLERANCE * np.linalg.norm(terms), cancellation)
+    balanced = bool(np.isfinite(d).all() and residual <= limit)
     reduced = sums[structure.independent]  # forces on dependent elements act through the constraints
     A = Z[np.ix_(structure.independent, structure.independent)] + reduced @ k @ reduced.T
     size = np.abs(Z).max(initial=0.0) + np.abs(k).max(initial=0.0)
@@ -94,6 +100,9 @@ _MAX_STATIC_ITERATIONS = 50
 
 _RESIDUAL_ROUNDING = 1e-13
 """Residual force, relative to its terms, at which Newton's method stops because of rounding."""
+
+_CANCELLATION_ROUNDING = 1e-11
+"""Residual force, relative to stiffness times displacement, that is rounding of the terms of a law."""
 
 _MIN_RELATIVE_STEP = 1e-7
 """Relative Newton step after which a static state is accurate to rounding, because convergence is quadratic."""
