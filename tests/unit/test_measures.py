@@ -139,3 +139,16 @@ def test_registration():
         register_measure(lambda X: X[..., 99], name="bad")
     register_measure(two_norm, name="size", text="again")  # a definition that is repeated replaces the first
     assert MEASURES["size"].text == "again"
+
+
+def test_degrees_of_freedom_of_points_with_more_harmonics():
+    """A special point that is located with more harmonics than its curve: one mass moves like its element."""
+    stop = hb.Element([1.0], hb.Unilateral(k=20.0, gap=0.5), name="stop")
+    mass = hb.System([[1.0]], [[0.05]], [[1.0]], [stop], hb.Load(cosine={1: [0.2]}))
+    curve = hb.trace(hb.HarmonicBalance(mass, 8), "Omega", (0.85, 1.3))
+    refined = [point for point in curve.special if len(point.X) > curve.X.shape[1]]
+    assert refined
+    for point in refined:
+        for derivative in (0, 2):
+            mass_rms = point.amplitude("rms", dof=0, derivative=derivative)
+            assert mass_rms == pytest.approx(point.amplitude("rms", derivative=derivative), rel=1e-9)

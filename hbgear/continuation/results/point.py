@@ -311,8 +311,10 @@ class Point:
                 f"dof={dof!r} needs the problem of {self.label or 'the point'}, which is unknown; use the amplitude of "
                 "the branch, which rebuilds it if it can"
             )
-        else:
-            rows = rows_of_dof(self.problem, dof, self.X[None], [self.parameters])
+        else:  # a special point may have more unknowns than the points of its branch
+            resized = getattr(self.problem, "at_resolution_of", None)
+            problem = self.problem if resized is None else resized(self)
+            rows = rows_of_dof(problem, dof, self.X[None], [self.parameters])
         return float(measured(layout, measure, rows, [self.parameters], derivative)[0])
 
     @checked_arguments()
