@@ -32,7 +32,7 @@ from hbgear.mechanics.models import Model
 from hbgear.web.editable_model import EditableInstance, EditableModel
 from hbgear.web.overlay import dots, lines_of_motions
 from hbgear.web.reporting import report
-from hbgear.web.view import plain, tables, views
+from hbgear.web.view import plain, tables, view, views
 
 _MAX_SESSIONS = 16
 """Largest number of pages whose last curve is kept."""
@@ -156,7 +156,7 @@ class Explorer:
             "span": list(self.span),
             "harmonics": self.harmonics,
             "Omega": in_html(str(model.labels.get("Omega", "Omega"))),
-            "behind": [*([] if self.saved is None else [_line(self.saved)]), *self.lines],
+            "behind": [*([] if self.saved is None else _lines_of_curves(self.saved)), *self.lines],
         }
 
     @contextmanager
@@ -417,8 +417,10 @@ def _ends(axes: Any) -> dict[str, tuple[float, float]]:
     return ends
 
 
-def _line(branch: Branch) -> dict[str, Any]:
-    return {"name": "saved curve", "mode": "lines", "x": plain(branch.values), "y": plain(branch.amplitude("pp2"))}
+def _lines_of_curves(branch: Branch) -> list[dict[str, Any]]:
+    """Return the line of each curve of the span of a saved branch, in all measures and elements."""
+    return [{"name": "saved curve", "mode": "lines", "x": one["x"], "sizes": one["amplitudes"]}
+            for one in (view(curve, "") for curve in branch.curves)]  # fmt: skip
 
 
 def _map_over_Omega(

@@ -86,7 +86,8 @@ def dots(data: Measurements, name: str, units: Mapping[str, float], amplitude: s
             rows = data.directions == direction
             groups.append({
                 "name": name if single else f"{name}, {word}", "mode": "markers", "file": name, "measure": data.measure,
-                "symbol": "circle-open" if single else symbol, "x": plain(Omega[rows]), "y": plain(size[rows]),
+                "element": data.element, "symbol": "circle-open" if single else symbol,
+                "x": plain(Omega[rows]), "y": plain(size[rows]),
                 "jumps": plain([x for x, jump_direction in jumps if jump_direction == direction]),
             })  # fmt: skip
     return groups

@@ -45,9 +45,11 @@ def lines_of(study: Study, name: str) -> list[dict[str, Any]]:
     drawn_cases = [
         cases[i] for i in np.unique(np.linspace(0, len(cases) - 1, min(_MAX_DRAWN_CURVES, len(cases))).astype(int))
     ]
-    legend = [{"name": name, "mode": "lines", "x": [None], "y": [None], "legend": True}] if drawn_cases else []
+    shown = study.work if isinstance(study, Cases) else study
+    kind = {"mode": "lines", "measure": shown.measure, "element": shown.element}
+    legend = [{"name": name, **kind, "x": [None], "y": [None], "legend": True}] if drawn_cases else []
     return legend + [
-        {"name": f"case {case}", "mode": "lines", "x": plain(study.curves[case][0]), "y": plain(study.curves[case][1])}
+        {"name": f"case {case}", **kind, "x": plain(study.curves[case][0]), "y": plain(study.curves[case][1])}
         for case in drawn_cases
     ]
 

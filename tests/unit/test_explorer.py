@@ -418,6 +418,17 @@ def test_own_models_are_explored(tmp_path, capsys, modules_are_forgotten):
     assert again.toml({}, span, 4).splitlines()[1] == f'model = "{tmp_path / "mine.py"}:stop"'
 
 
+def test_a_saved_curve_is_drawn_in_every_measure_and_element():
+    """The page shows the transmission error of machines, which is not the half peak-to-peak of the displacement."""
+    model = hb.SpurPair(reference=(38000.0, 37.6e-6, 15000.0, 25), e=(0.2,))
+    curve = hb.trace(hb.HarmonicBalance(model, 4), "Omega", (1.5, 1.2))
+    (line,) = Explorer(EditableInstance(model, "spur-pair"), SPAN, 4, curve).start()["behind"]
+    np.testing.assert_allclose(line["sizes"]["dte"][0], transmission_error(curve), rtol=1e-6)
+    np.testing.assert_allclose(line["sizes"]["rms"][0], curve.amplitude("rms"), rtol=1e-6)
+    difference = np.array(line["sizes"]["dte"][0]) - 37.6 * np.array(line["sizes"]["pp2"][0])
+    assert np.abs(difference).min() > 1.0  # um
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="signals are sent otherwise")
 @pytest.mark.parametrize("what", ["machine.toml", "curve.npz"])

@@ -174,6 +174,27 @@ def test_a_study_has_tables(scatter):
     assert [line["name"] for line in drawn] == ["study 1", "case 0", "case 1", "case 2"]
 
 
+@pytest.mark.parametrize(("measure", "element"), [("rms", 0), ("pp2", "gap")])
+def test_lines_of_a_study_are_of_its_measure_and_element(tmp_path, measure, element):
+    """The page draws them only where it shows this measure, and not among those of the transmission error."""
+    with ThreadPoolExecutor(1) as here:
+        found = hb.design.cases(
+            hb.SpurPair(), hb.design.grid(zeta=[0.2]), ("curve",), harmonics=4, span=(1.5, 1.3), executor=here,
+            measure=measure, element=element,
+        )  # fmt: skip
+    found.export(tmp_path / "table.npz")
+    for study in (found, read_results(tmp_path)):
+        for line in lines_of(study, "a"):
+            assert (line["measure"], line["element"]) == (measure, element)
+
+
+def test_tables_of_earlier_versions_have_the_default_measure(scatter, tmp_path):
+    found, folder = scatter
+    with np.load(folder / "table.npz") as table:
+        np.savez(tmp_path / "table.npz", **{name: table[name] for name in table if not name.startswith("curve_m")})
+    assert read_results(tmp_path).measure == "pp2" == found.work.measure
+
+
 def test_many_curves_are_thinned_with_a_note(scatter):
     found, _ = scatter
     curve = next(iter(found.curves.values()))

@@ -239,7 +239,10 @@ class Cases:
             rows = [np.vstack([np.full(curve.shape[1], case), curve]).T for case, curve in self.curves.items()]
             curves = np.concatenate(rows) if rows else np.empty((0, 4))
             with atomic_write(path) as handle:
-                np.savez(handle, jump_table=self.jumps, curve_table=curves, **self.table)
+                np.savez(
+                    handle, jump_table=self.jumps, curve_table=curves, curve_measure=np.array(self.work.measure),
+                    curve_element=np.array(self.work.element), **self.table,
+                )  # fmt: skip
         else:
             raise ValueError(f"'{path}' must end in .csv or .npz")
 

@@ -15,6 +15,9 @@ from hbgear.io.branches.archive import Damaged, archive_of
 _TABLE_WIDTHS = {"jump_table": 5, "curve_table": 4}
 """Numbers of columns of the two-dimensional arrays of a table file."""
 
+_CURVE_DEFAULTS = {"curve_measure": np.array("pp2"), "curve_element": np.array(0)}
+"""Measure and element of the amplitudes in a table file that does not state them."""
+
 
 @dataclass(frozen=True, eq=False)
 class Results:
@@ -28,11 +31,15 @@ class Results:
         Case, Omega, direction, amplitude before and amplitude after each jump.
     curves : dict of int to ndarray, shape (3, P)
         Omega, amplitude and stability (1 or 0) by case.
+    measure, element : str and int or str
+        Measure and element of the amplitudes.
     """
 
     table: dict[str, Any]
     jumps: Array
     curves: dict[int, Array]
+    measure: str = "pp2"
+    element: int | str = 0
 
 
 def read_results(path: str | os.PathLike[str]) -> Results:
@@ -73,10 +80,11 @@ def read_results(path: str | os.PathLike[str]) -> Results:
         ):
             raise ValueError(f"'{file}' is not a table of a study: it has no array {name} (n, {width}); {need}")
     jumps, curves = (arrays.pop(name) for name in _TABLE_WIDTHS)
+    measure, element = (arrays.pop(name, default) for name, default in _CURVE_DEFAULTS.items())
     cases = arrays.get("case", np.empty(0))
     if cases.dtype.kind != "i" or any(column.shape != (len(cases),) for column in arrays.values()):
         raise ValueError(
             f"'{file}' is not a table of a study: it needs columns of one length, one of them case; {need}"
         )
     curves_by_case = {int(case): curves[curves[:, 0] == case, 1:].T for case in np.unique(curves[:, 0])}
-    return Results(arrays, jumps, curves_by_case)
+    return Results(arrays, jumps, curves_by_case, str(measure), element.item())

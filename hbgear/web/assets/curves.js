@@ -53,9 +53,10 @@ const hbgear = (() => {
   }
 
   function usualMeasure() { // that of measured points, or the transmission error
-    const dots = state.behind.find((b) => b.measure), known = state.curves[0].amplitudes;
-    if (dots) return dots.measure;
-    if (state.behind.some((b) => b.sizes)) return "pp2"; // tori and backbones have no transmission error
+    const given = state.behind.filter((b) => b.measure), dots = given.find((b) => b.mode === "markers") || given[0];
+    const known = state.curves[0].amplitudes;
+    if (dots && (dots.measure in known || /^H[1-9]/.test(dots.measure))) return dots.measure;
+    if (state.behind.some((b) => b.sizes && !("dte" in b.sizes))) return "pp2"; // tori and backbones have no transmission error
     return "dte" in known && state.units ? "dte" : "pp2";
   }
 
@@ -65,9 +66,12 @@ const hbgear = (() => {
   }
 
   function behind() { // lines and dots behind the curves, in the units of the axes
-    const { rpm, um } = state.units || { rpm: 1, um: 1 }, times = (xs, k) => xs.map((x) => (x === null ? null : x * k));
-    const own = (b) => (b.sizes ? (b.sizes[state.measure] || [])[Math.min(state.element, b.sizes.pp2.length - 1)] : b.y);
-    return state.behind.map((b) => ({ ...b, x: times(b.x, rpm), y: own(b) && times(own(b), um), jumps: b.jumps && times(b.jumps, rpm) }));
+    const first = state.curves[0], j = elementOf(first), { rpm, um } = state.units || { rpm: 1, um: 1 };
+    const times = (xs, k) => xs.map((x) => (x === null ? null : x * k));
+    const fits = (b) => (!b.measure || b.measure === state.measure) && (b.element === undefined || b.element === j || b.element === first.elements[j]);
+    const own = (b) => (b.sizes ? (b.sizes[state.measure] || [])[Math.min(j, b.sizes.pp2.length - 1)] : fits(b) ? b.y : null); // others are not comparable
+    const factor = (b) => (b.sizes && state.measure in first.axes ? 1 : um); // quantities with axes of their own have their unit
+    return state.behind.map((b) => ({ ...b, x: times(b.x, rpm), y: own(b) && times(own(b), factor(b)), jumps: b.jumps && times(b.jumps, rpm) }));
   }
 
   function coefficientsAt(curve, i, element) { // a0, a1, b1, ... of an element at point i
@@ -297,12 +301,12 @@ const hbgear = (() => {
       legend: narrow ? { orientation: "h", y: -0.22, x: 0 } : { x: 1.01, y: 1, xanchor: "left", tracegroupgap: 2 },
     });
     if (topOf()) layout.yaxis.range = [0, topOf()];
-    const shown = behind().filter((b) => b.y && (!b.measure || b.measure === state.measure)); // points of another measure are not comparable
+    const shown = behind().filter((b) => b.y);
     layout.shapes.push(...shown.flatMap((b) => (b.jumps || []).map((x) => ({ type: "line", x0: x, x1: x, yref: "paper", y0: 0, y1: 1,
       line: { color: ink.text, width: 0.8, dash: "dot" } }))));
     const lines = shown.map((b) => ({ ...(b.sizes ? hbgearLines.smoothParts(b.x, b.y) : { x: b.x, y: b.y }), mode: b.mode, name: escaped(b.name), hoverinfo: "x+y+name",
-      line: b.sizes ? { color: b.kind === "tori" ? ink.branches[0] : ink.text, width: 1.6, dash: b.dash } : { color: ink.line, width: 0.8 },
-      opacity: b.mode === "lines" && !b.sizes ? 0.5 : 1, showlegend: b.mode !== "lines" || b.legend === true,
+      line: b.kind ? { color: b.kind === "tori" ? ink.branches[0] : ink.text, width: 1.6, dash: b.dash } : { color: ink.line, width: 0.8 },
+      opacity: b.mode === "lines" && !b.kind ? 0.5 : 1, showlegend: b.mode !== "lines" || b.legend === true,
       marker: { symbol: b.symbol || "circle-open", size: 6, color: ink.text } }));
     const data = [...lines, ...curveTraces(), ...specialTraces()];
     if (first.jumps.length || state.curves.some((curve) => curve.jumps.length))
