@@ -1,5 +1,7 @@
 """Nothing is computed relative to a static force that is zero."""
 
+import re
+
 import numpy as np
 import pytest
 from typer.testing import CliRunner
@@ -46,6 +48,20 @@ def test_a_small_static_force_counts():
     amplitude = 0.3 / abs(k - 0.25 + 0.05j)
     assert hb.analysis.dynamic_factor(one, point) == pytest.approx(1 + k * amplitude / F, rel=1e-5)
     assert hb.analysis.machine_quantities(point)["dynamic factor"][0] == pytest.approx(1 + k * amplitude / F, rel=1e-5)
+
+
+@pytest.mark.filterwarnings("ignore:no element comes near a breakpoint")
+def test_command_prints_the_largest_force_of_a_wheel_that_drives(tmp_path):
+    """The motions are those of the pair whose pinion drives, with the opposite sign."""
+    pair = hb.SpurPair(zeta=0.1, F_m=0.9)
+    curves = [
+        hb.trace(hb.HarmonicBalance(one, 3), "Omega", (1.4, 0.6)) for one in (pair, pair.replace(F_m=-0.9, e_scale=-1))
+    ]
+    largest = hb.analysis.machine_quantities(curves[0])["force, largest"].max()
+    curves[1].save(tmp_path / "pair.npz")
+    out = CliRunner().invoke(cli.app, ["results", str(tmp_path / "pair.npz")]).output
+    (shown,) = re.findall(r"force, largest \[-\] +(\S+)", out)
+    assert float(shown) == pytest.approx(-largest, rel=1e-3)
 
 
 def test_command_prints_no_factor(curve, tmp_path):

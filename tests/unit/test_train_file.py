@@ -227,6 +227,19 @@ def test_safe_speeds_and_resonances_of_all_meshes_of_a_planetary_set(capsys):
         )
 
 
+@pytest.mark.filterwarnings("ignore:no element comes near a breakpoint")
+@pytest.mark.parametrize("zeta", [0.05, 0.15])
+def test_speed_of_a_resonance_is_located_between_the_points_of_a_curve(zeta):
+    """Without loss of contact the transmission error is e times the transmissibility of an oscillator."""
+    pair = hb.SpurPair(zeta=zeta, F_m=0.9, reference=(38000.0, 37.6e-6, 15000.0, 25))
+    curve = hb.trace(hb.HarmonicBalance(pair, 3), "Omega", (1.4, 0.6))
+    Omega = np.sqrt((np.sqrt(1 + 8 * zeta**2) - 1) / (4 * zeta**2))
+    size = 0.05 * np.sqrt((1 + (2 * zeta * Omega) ** 2) / ((1 - Omega**2) ** 2 + (2 * zeta * Omega) ** 2))
+    (found,) = resonances(pair, curve)
+    assert found.speed == pytest.approx(pair.scales.pinion_speed(Omega), rel=1e-6)
+    assert found.transmission_error == pytest.approx(37.6 * size, rel=1e-6)
+
+
 class HardeningPair(hb.Duffing):
     """Duffing oscillator with units, which jumps without a breakpoint of its law."""
 

@@ -268,10 +268,11 @@ def _largest(curves: Sequence[hb.Branch], quantities: MachineQuantities) -> Iter
             continue
         if not np.isfinite(values[stable]).any():
             yield [name, "undefined: static force is zero" if name.startswith("dynamic factor") else "-", "-"]
-        elif asymptotes and ", static" not in name:
+        elif asymptotes and not (", static" in name or name.startswith("efficiency")):
             yield [name, "unbounded", OmegaAxis.of(first.require_problem().model).number(min(asymptotes))]
         else:
-            k = int(np.nanargmax(np.where(stable, values, -np.inf)))
+            sizes = np.abs(values) if name.startswith("force") else values  # negative if the wheel drives
+            k = int(np.nanargmax(np.where(stable, sizes, -np.inf)))
             curve, i = rows[k]
             yield [name, rounded(float(values[k]), 4), position_texts(curve, curve[i])[0]]
 
