@@ -70,3 +70,42 @@ def test_contacts_that_few_harmonics_do_not_resolve():
         assert abs(Omega - finer[label].parameters["Omega"]) < 1e-10
         orbit = hb.time.shoot(model, Omega, state_of(finer.problem, finer[label].X, Omega=Omega))
         assert np.abs(orbit.multipliers + 1).min() < 1e-6
+
+
+def hard_stop():
+    """Return the harmonic balance of a stop that 32 harmonics do not resolve."""
+    stop = hb.Element([1.0], hb.Unilateral(k=1e4, gap=GAP), name="stop")
+    return hb.HarmonicBalance(hb.System([[1.0]], [[C]], [[1.0]], [stop], hb.Load(cosine={1: [F]})), 32)
+
+
+def test_a_curve_that_ends_at_its_number_of_points_stays_exact():
+    """The balance would end at the grazing point. The other end is covered up to the first grazing: a closed form."""
+    curve = hb.trace(hard_stop(), "Omega", (2.2, 0.6), steps=hb.StepControl(max_points=100))
+    assert curve.status is hb.Status.MAX_POINTS and len(curve) == 100
+    assert "traced in contact instants" in curve.message
+    assert curve["GR1"].parameters["Omega"] == pytest.approx(grazing(1.1, 1.4), abs=1e-10)
+    (other,) = curve.others
+    assert other.values.max() == pytest.approx(grazing(0.6, 0.7), abs=1e-6)
+    assert "no curve was found from Omega = 0.635115 to 1.25961" in curve.message
+    assert len(hb.extend(curve)) > 100
+
+
+def test_other_curves_that_end_early_are_reported():
+    """The curve turns back at the first grazing; the one from the other end ends at its number of points."""
+    curve = hb.trace(hard_stop(), "Omega", (0.6, 2.2), steps=hb.StepControl(max_points=60))
+    assert curve.status is hb.Status.LEFT_SPAN and curve.others[0].status is hb.Status.MAX_POINTS
+    assert f"it ended early, {curve.others[0].message}" in curve.message
+
+
+def test_an_interrupted_curve_in_contact_instants_is_the_result():
+    """Ctrl-C ends the trace; no other curve is started."""
+    values = []
+
+    def interrupt(progress):
+        values.append(progress.numbers["value"])
+        if len(values) == 30:
+            raise KeyboardInterrupt
+
+    curve = hb.trace(hard_stop(), "Omega", (2.2, 0.6), progress=interrupt)
+    assert curve.status is hb.Status.INTERRUPTED and len(values) == 30
+    assert curve.values[-1] == values[-1] and "traced in contact instants" in curve.message

@@ -10,6 +10,7 @@ import numpy as np
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.status import Status
 from hbgear.continuation.solvers.newton import NoConvergence
+from hbgear.continuation.tracing.coverage import uncovered_intervals
 from hbgear.harmonic.contact_instants.problem import ContactInstants, other_events
 from hbgear.harmonic.contact_instants.special_states import MAX_HARD_COORDINATES
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
@@ -34,8 +35,9 @@ def trace_hard_stops(
 
     k is the reference stiffness of the laws. Contacts then take less than a quarter of the period of the highest
     harmonic, and less than a twentieth of the period of the excitation. If a trace has shown that the harmonics do not
-    resolve the curve (``unresolved``), contacts of constant stiffness are sufficient, and the curve must reach the end
-    of the span. None is returned for other models, and if the curve cannot be completed in contact instants.
+    resolve the curve (``unresolved``), contacts of constant stiffness are sufficient, and the curves must cover the
+    span. A curve that ends at its largest number of points or is interrupted is returned in any case, because it is
+    exact as far as it goes. None is returned for other models, and if the curve cannot be completed otherwise.
     """
     if settings.parameter != "Omega" or start is not None or balance.auto or balance.selection or balance.is_sampled:
         return None
@@ -55,7 +57,10 @@ def trace_hard_stops(
         branch = exact.own_trace(span, start, settings, cover)
     except (NotPiecewiseLinear, NoConvergence, InconsistentPatternError):
         return None
-    if not branch.status.complete or (unresolved and branch.status is not Status.REACHED_END):
+    stopped = branch.status in (Status.MAX_POINTS, Status.INTERRUPTED)  # exact as far as it goes
+    if not (stopped or branch.status.complete) or (
+        unresolved and not stopped and uncovered_intervals([branch, *branch.others], span)
+    ):
         return None
     ratio = fastest / min(map(abs, span))
     text = f"traced in contact instants, because H = {balance.H} does not resolve contacts of {ratio:.3g} Omega"

@@ -34,7 +34,7 @@ from hbgear.continuation.results.concatenation import with_asymptotes
 from hbgear.continuation.results.point import Point
 from hbgear.continuation.results.status import Status
 from hbgear.continuation.solvers.newton import NoConvergence
-from hbgear.continuation.tracing.coverage import coverage_message, reversed_span_message
+from hbgear.continuation.tracing.coverage import coverage_message, reversed_span_message, uncovered_intervals
 from hbgear.continuation.tracing.jumps import find_jumps
 from hbgear.continuation.tracing.state import set_up
 from hbgear.harmonic.contact_instants.branches import ExactBranchPoint, ExactPeriodDoubling, ExactStart
@@ -308,8 +308,8 @@ class ContactInstants(HarmonicBalance):
     ) -> Branch:  # fmt: skip
         """Return the curve of exact motions over a span of a parameter; see `hbgear.harmonic.instants.following`.
 
-        With ``cover``, a curve that turns back to its start is followed from the other end as well, and a curve without
-        a first solution from there only.
+        With ``cover``, the other end of a span that the curve does not reach is the start of another curve, and a curve
+        without a first solution is followed from there only.
 
         Raises
         ------
@@ -326,12 +326,10 @@ class ContactInstants(HarmonicBalance):
         if not covers:
             return branch
         other_curves: tuple[Branch, ...] = ()
-        if branch.status in (Status.LEFT_SPAN, Status.UNBOUNDED) and first == span:
+        if first == span and branch.status is not Status.INTERRUPTED and uncovered_intervals([branch], span):
             with suppress(NoConvergence):
                 other_curves = (self._first_curve(span[::-1], None, settings, False)[0],)
-        no_start = "" if first == span else reversed_span_message(settings.parameter, span[0])
-        messages = branch.message, no_start, coverage_message(branch, other_curves, span)
-        return replace(branch, others=other_curves, message="; ".join(message for message in messages if message))
+        return _with_others(branch, other_curves, span, reversed_span=first != span)
 
     def _first_curve(
         self, span: tuple[float, float], start: Any, settings: Any, either_end: bool
@@ -384,6 +382,14 @@ class ContactInstants(HarmonicBalance):
         if isinstance(start, BranchStart) and isinstance(start.event, ExactStart):
             return start.event
         return self.exact_state(self.resized(X), name, parameters), None
+
+
+def _with_others(branch: Branch, others: tuple[Branch, ...], span: tuple[float, float], reversed_span: bool) -> Branch:
+    """Return a branch with further curves of its span, and a message that states what they cover."""
+    texts = [branch.message, reversed_span_message(branch.parameter, span[0]) if reversed_span else ""]
+    texts += [coverage_message(branch, others, span)]
+    texts += [f"it ended early, {other.message}" for other in others if not other.status.complete]
+    return replace(branch, others=others, message="; ".join(filter(None, texts)))
 
 
 def _sufficient(harmonics: int, model: Model, nu: int) -> int:
