@@ -10,6 +10,7 @@ import json
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ import hbgear as hb
 from hbgear.continuation.events.residual_form import RESIDUAL_FORM_ACCURACY, in_residual_form
 from hbgear.continuation.results.interpolation import crossings_at
 from hbgear.harmonic.instants.equations import NotPiecewiseLinear
+from hbgear.harmonic.instants.special_points.critical import _may_bend
 
 SPECIAL_POINTS = [
     ("GR", 0.6351148661549015, None),
@@ -905,3 +907,13 @@ def test_the_unit_of_the_frequency_is_arbitrary(order):
     (amplitude, mu), (other, powers) = found
     assert abs(other - amplitude) < 1e-10
     np.testing.assert_allclose(powers, np.sort_complex(mu**order), atol=1e-9 * np.abs(powers).max())
+
+
+@pytest.mark.parametrize("depth, expected", [(0.04, True), (-0.5, True), (-20.0, False)])
+def test_a_step_is_searched_where_a_determinant_may_bend_to_zero(depth: float, expected: bool) -> None:
+    """A multiplier -1 + .1 ((s - 1/2)^2 - depth) at s = -1, 0, 1: it passes -1 twice between 0 and 1 for depth .04."""
+
+    def point(s: float) -> Any:
+        return SimpleNamespace(multipliers=np.array([-1 + 0.1 * ((s - 0.5) ** 2 - depth)]))
+
+    assert _may_bend(-1.0, (point(-1.0), point(0.0), point(1.0)), 1.0, 1.0) is expected

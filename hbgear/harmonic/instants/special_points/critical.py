@@ -61,14 +61,15 @@ class ExactPoint:
         return multipliers_of(self.monodromy)
 
     @cached_property
-    def tests(self) -> dict[str, float]:
-        """Values of the test functions."""
-        return {
-            "LP": float(self.tangent[-1]),
-            "PD": doubling_test(self.monodromy, self.multipliers),
-            "NS": pair_test(self.multipliers),
-            "BP": _singularity(self.J * self.scale, self.tangent),
-        }
+    def _values(self) -> dict[str, float]:
+        """Values of the test functions that were needed so far."""
+        return {}
+
+    def test(self, kind: str) -> float:
+        """Return the value of a test function."""
+        if kind not in self._values:
+            self._values[kind] = _TESTS[kind](self)
+        return self._values[kind]
 
     @cached_property
     def polynomial(self) -> Array:
@@ -83,9 +84,10 @@ SpecialExactPoint = tuple[str, float, ExactPoint]
 """Kind of a special point, its fraction of the step, and the point."""
 
 
-def doubling_test(P: Array, mu: ComplexArray) -> float:
-    """Return the distance of the nearest multiplier from -1 with the sign of det(P + 1)."""
-    return float(np.linalg.slogdet(P + np.eye(len(P)))[0] * np.abs(mu + 1).min())
+def doubling_test(mu: ComplexArray) -> float:
+    """Return the distance of the nearest multiplier from -1 with the sign of prod (mu + 1)."""
+    beyond = int(((mu.imag == 0) & (mu.real < -1)).sum())
+    return float((-1) ** beyond * np.abs(mu + 1).min())
 
 
 def pair_test(mu: ComplexArray) -> float:
@@ -97,6 +99,15 @@ def _singularity(J: Array, row: Array) -> float:
     """Return the smallest singular value of [F_u F_p; row^T] with the sign of its determinant."""
     bordered = np.vstack([J, row])
     return float(np.linalg.slogdet(bordered)[0] * np.linalg.svd(bordered, compute_uv=False)[-1])
+
+
+_TESTS: dict[str, Callable[[ExactPoint], float]] = {
+    "LP": lambda point: float(point.tangent[-1]),
+    "PD": lambda point: doubling_test(point.multipliers),
+    "NS": lambda point: pair_test(point.multipliers),
+    "BP": lambda point: _singularity(point.J * point.scale, point.tangent),
+}
+"""Test function of each kind of special point."""
 
 
 def exact_point(family: Family, state: CurveState, row: Array, scale: Array, direction: Array) -> ExactPoint:
@@ -113,7 +124,7 @@ def point_on_curve(family: Family, state: CurveState, scale: Array) -> ExactPoin
 
 def special_points(family: Family, a: ExactPoint, b: ExactPoint) -> list[SpecialExactPoint]:
     """Return the special points between two points of one pattern: kind, fraction of the segment, point."""
-    changed = {kind for kind, value in a.tests.items() if value * b.tests[kind] < 0}
+    changed = {kind for kind in _TESTS if a.test(kind) * b.test(kind) < 0}
     located = [("BP", *_locate_branch_point(family, a, b))] if "BP" in changed else []
     crossing = located[0] if located else None
     for kind in sorted(changed - {"BP"}):
@@ -152,9 +163,9 @@ def relocated(family: Family, point: ExactPoint, kind: str, reach: float = 1e-3)
         return exact_point(family, start.state.with_z(start.state.z + s * tangent * scale), tangent, scale, tangent)
 
     def test(s: float) -> float:
-        return (point_at(s) if s else start).tests[kind]
+        return (point_at(s) if s else start).test(kind)
 
-    step, start_value = RELOCATION_STEP, start.tests[kind]
+    step, start_value = RELOCATION_STEP, start.test(kind)
     while step < reach:
         for end in (step, -step):
             if test(end) * start_value <= 0:
@@ -174,7 +185,7 @@ def _root(family: Family, a: ExactPoint, b: ExactPoint, kind: str, bracket: tupl
     """Return the fraction at which a test function is zero."""
 
     def test(s: float) -> float:
-        return (b if s else a).tests[kind] if s in (0.0, 1.0) else point_between(family, a, b, s).tests[kind]
+        return (b if s else a).test(kind) if s in (0.0, 1.0) else point_between(family, a, b, s).test(kind)
 
     return _zero(test, *bracket, 1e-13, kind, a)
 
@@ -195,10 +206,10 @@ def _root_near_branch_point(family: Family, a: ExactPoint, b: ExactPoint, kind: 
     """
     distance = _distance_of_points(a, b)
     low, high = singular - distance, singular + distance
-    before, after = (point_between(family, a, b, s).tests[kind] for s in (low, high))
-    if low > 0 and a.tests[kind] * before < 0:
+    before, after = (point_between(family, a, b, s).test(kind) for s in (low, high))
+    if low > 0 and a.test(kind) * before < 0:
         return _root(family, a, b, kind, (0.0, low))
-    if high < 1 and after * b.tests[kind] < 0:
+    if high < 1 and after * b.test(kind) < 0:
         return _root(family, a, b, kind, (high, 1.0))
     return math.nan
 
@@ -268,6 +279,9 @@ def is_complex_pair(mu: ComplexArray) -> bool:
 LONG_STEP, NEAR_UNIT = 0.02, 0.6
 """Step, and distance of a multiplier from -1 or +1, from which a step is tested for two special points of one kind."""
 
+BEND_FACTOR = 30.0
+"""Factor of the second derivative of det(P - 1) and det(P + 1), a difference over two steps, that a step may have."""
+
 INTERIOR_FRACTIONS = (0.15, 0.5, 0.85)
 """Fractions of such a step at which test functions are evaluated; next to the ends because a multiplier that passes
 -1 or +1 there can return along another curve, with a corner where two multipliers meet."""
@@ -282,8 +296,8 @@ def hides_two_points(
 ) -> bool:
     """Return whether multipliers pass -1, +1 or the unit circle and return between two points of one pattern.
 
-    A step is searched if it is long and a multiplier is near -1 or +1, or if a test function that is extrapolated from
-    the step before changes its sign in it.
+    A step is searched if it is long, a multiplier is near -1 or +1 and det(P -+ 1) may bend to zero, or if a test
+    function that is extrapolated from the step before changes its sign in it.
 
     Parameters
     ----------
@@ -296,11 +310,12 @@ def hides_two_points(
     """
     if last.state.pattern != point.state.pattern:
         return False
-    kinds = {kind for kind in _SEARCHED_KINDS if last.tests[kind] * point.tests[kind] > 0}
+    kinds = {kind for kind in _SEARCHED_KINDS if last.test(kind) * point.test(kind) > 0}
     promising = {kind for kind in kinds & set(_UNIT) if length > LONG_STEP and _comes_near(_UNIT[kind], last, point)}
     if before is not None and step > 0 and before.state.pattern == last.state.pattern:
+        promising = {kind for kind in promising if _may_bend(_UNIT[kind], (before, last, point), step, length)}
         for kind in kinds - promising:
-            value, rate = last.tests[kind], (last.tests[kind] - before.tests[kind]) / step
+            value, rate = last.test(kind), (last.test(kind) - before.test(kind)) / step
             if (value + rate * length) * value < 0:
                 promising.add(kind)
     interior = {s: point_between(family, last, point, s) for s in INTERIOR_FRACTIONS} if promising else {}
@@ -317,14 +332,24 @@ def _comes_near(unit: float, *points: ExactPoint) -> bool:
     return any(bool(np.abs(point.multipliers - unit).min() < NEAR_UNIT) for point in points)
 
 
+def _may_bend(unit: float, points: tuple[ExactPoint, ExactPoint, ExactPoint], step: float, length: float) -> bool:
+    """Return whether det(P - unit) may reach zero and return between the last two points.
+
+    It is smooth, also where multipliers meet. Between two points it differs from its chord by at most |d2/ds2| h^2 / 8.
+    """
+    a, b, c = (float(np.prod(point.multipliers - unit).real) for point in points)
+    bend = abs((c - b) / length - (b - a) / step) / (step + length) * length**2 / 4
+    return min(abs(b), abs(c)) < BEND_FACTOR * bend
+
+
 def _passes_zero(family: Family, samples: dict[float, ExactPoint], kind: str) -> bool:
     """Return whether a test function passes zero and returns between two points.
 
     Its smallest size is approached by parabolas through three points next to the smallest; where two multipliers meet,
     it has a corner, which is approached by secants.
     """
-    sign = math.copysign(1.0, samples[0.0].tests[kind])
-    values = [(s, sign * point.tests[kind]) for s, point in samples.items()]
+    sign = math.copysign(1.0, samples[0.0].test(kind))
+    values = [(s, sign * point.test(kind)) for s, point in samples.items()]
     for _ in range(MAX_PARABOLAS):
         i = min(range(len(values)), key=lambda i: values[i][1])
         if values[i][1] < 0:
@@ -335,7 +360,7 @@ def _passes_zero(family: Family, samples: dict[float, ExactPoint], kind: str) ->
             s = _zero_of_secant(values, i)
         if not math.isfinite(s) or any(abs(s - position) < 1e-3 for position, _ in values):
             return False
-        values = sorted([*values, (s, sign * point_between(family, samples[0.0], samples[1.0], s).tests[kind])])
+        values = sorted([*values, (s, sign * point_between(family, samples[0.0], samples[1.0], s).test(kind))])
     return min(value for _, value in values) < 0
 
 
