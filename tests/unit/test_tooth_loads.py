@@ -33,7 +33,7 @@ def test_form_factors_are_the_published_ones(z):
     assert float(found.correction) == pytest.approx(PUBLISHED[z][1], rel=3e-3)
 
 
-@pytest.mark.parametrize(("z", "x", "beta"), [(17, 0.0, 0.0), (25, 0.4, 0.0), (60, -0.2, 0.3)])
+@pytest.mark.parametrize(("z", "x", "beta"), [(17, 0.0, 0.0), (25, 0.4, 0.0), (60, -0.2, 0.3), (30, 1.6, 0.0)])
 def test_the_root_is_where_the_generated_fillet_is_inclined_by_30_degrees(z, x, beta):
     """Thickness there, by differences of the trochoid instead of the closed form."""
     one = gear(z, profile_shift=x, helix_angle=beta)

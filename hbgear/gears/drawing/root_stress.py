@@ -32,11 +32,13 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.optimize import brentq
 
 from hbgear.common.arrays import Array
 from hbgear.gears.drawing.gear import Gear
 from hbgear.gears.drawing.geometry import involute
+
+ANGLE_ITERATIONS = 12
+"""Newton iterations for the angle of the root; four to eight give all digits."""
 
 
 class RootFactors(NamedTuple):
@@ -122,10 +124,16 @@ def root_factors(gear: Gear, diameter: ArrayLike) -> RootFactors:
 
 
 def _root_angle(gear: Gear) -> float:
-    """Return the angle theta [rad] of the point of the fillet with the inclination of 30 degrees."""
+    """Return the angle theta [rad] of the point of the fillet with the inclination of 30 degrees.
+
+    The equation theta = 2 G / z tan(theta) - H is solved by Newton's method from -H. Convergence is monotonic, because
+    tan is convex.
+    """
     z, alpha, rho = gear.virtual_teeth, gear.pressure_angle, gear.rack_fillet
     E = pi / 4 - gear.dedendum * tan(alpha) - (1 - sin(alpha)) * rho / cos(alpha)
     G = rho - gear.dedendum + gear.profile_shift
     H = 2 / z * (pi / 2 - E) - pi / 3
-    theta: float = brentq(lambda angle: angle - 2 * G / z * tan(angle) + H, 0.0, 1.5, xtol=1e-14)
+    theta = -H
+    for _ in range(ANGLE_ITERATIONS):
+        theta -= (theta - 2 * G / z * tan(theta) + H) / (1 - 2 * G / z / cos(theta) ** 2)
     return theta
