@@ -27,6 +27,7 @@ from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.ranges import POSITIVE, Range, checked, counted
 from hbgear.common.text.messages import did_you_mean, quoted
+from hbgear.continuation.numerics.bracketed_root import find_root_bracketed
 from hbgear.harmonic.equations.static_state import static_stiffness
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.harmonic.models.frequency_units import scales
@@ -427,7 +428,7 @@ def _critical_speeds(
         ends = float(Omega[i]), float(Omega[i + 1])
         if frequency_difference(ends[0]) * frequency_difference(ends[1]) > 0:
             continue
-        root = float(scipy.optimize.brentq(frequency_difference, *ends, xtol=1e-15 * ends[1], rtol=1e-14))
+        root = find_root_bracketed(frequency_difference, *ends, 1e-15 * ends[1])
         eigenvalue, whirl = pole(root)
         out.append(CriticalSpeed(name, mode, root, eigenvalue.imag, -eigenvalue.real / (abs(eigenvalue) or 1.0), whirl))
     return out

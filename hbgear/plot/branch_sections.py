@@ -88,18 +88,39 @@ class SmoothCurve:
         points = slice(first, last + 1)
         if last - first < 2 or not len(self.along) or self.distinct.sum() < 5:
             return self.x[points], self.y[points]
-        from scipy.interpolate import Akima1DInterpolator
-
-        line = Akima1DInterpolator(self.along[self.distinct], self.xy[:, self.distinct], axis=1)
         knots = self.along[points]
         chord_counts = np.ceil(np.diff(knots) / (_LONGEST_CHORD / enlarged)).clip(1, _MOST_CHORDS).astype(int)
         positions = np.append(
             np.repeat(knots[:-1], chord_counts) + _division_points(np.diff(knots), chord_counts), knots[-1]
         )
-        x, y = line(positions.clip(self.along[0], self.along[self.distinct][-1]))
+        x, y = akima(self.along[self.distinct], self.xy[:, self.distinct], positions)
         corners = np.concatenate([[0], np.cumsum(chord_counts)])
         x[corners], y[corners] = self.x[points], self.y[points]
         return x, y
+
+
+def akima(knots: Array, values: Array, at: Array) -> Array:
+    """Return the Akima interpolation (c, A) of values (c, K) at increasing knots (K,), at positions (A,) between them.
+
+    The slope at a knot is the mean of the slopes of both segments there. The weight of each is the change of slope on
+    the other side. `scipy.interpolate` is not used, because importing it takes longer than drawing a curve.
+    """
+    steps = np.diff(knots)
+    inner = np.diff(values) / steps
+    before, after = (2 * near - far for near, far in ((inner[:, 0], inner[:, 1]), (inner[:, -1], inner[:, -2])))
+    slopes = np.column_stack([2 * before - inner[:, 0], before, inner, after, 2 * after - inner[:, -1]])
+    changes = np.abs(np.diff(slopes))
+    left, right = changes[:, :-2], changes[:, 2:]
+    total = left + right
+    is_bent = total > 1e-9 * total.max()
+    weight = np.where(is_bent, left / np.where(is_bent, total, 1.0), 0.0)
+    bent = slopes[:, 1:-2] + weight * (slopes[:, 2:-1] - slopes[:, 1:-2])
+    at_knots = np.where(is_bent, bent, 0.5 * (slopes[:, :-3] + slopes[:, 3:]))
+    k = np.searchsorted(knots, at, "right").clip(1, len(steps)) - 1
+    s, h = ((at - knots[k]) / steps[k]).clip(0.0, 1.0), steps[k]
+    departure = s * (1 - s) * ((1 - s) * (at_knots[:, k] - inner[:, k]) - s * (at_knots[:, k + 1] - inner[:, k])) * h
+    out: Array = values[:, k] + s * inner[:, k] * h + departure
+    return out
 
 
 def _division_points(lengths: Array, counts: NDArray[np.int64]) -> Array:

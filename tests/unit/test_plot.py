@@ -12,6 +12,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from scipy.interpolate import Akima1DInterpolator
 from scipy.optimize import brentq, minimize_scalar
 
 import hbgear as hb
@@ -23,7 +24,7 @@ from hbgear.continuation.results.point import Jump, Point, SpecialPoint
 from hbgear.continuation.results.status import Status
 from hbgear.harmonic.equations.layout import Layout
 from hbgear.mechanics.models import describe
-from hbgear.plot.branch_sections import SmoothCurve
+from hbgear.plot.branch_sections import SmoothCurve, akima
 from hbgear.plot.style import dress
 
 LABELS = {"Omega": r"$\Omega = \omega_\mathrm{mesh}/\omega_n$", "amplitude": r"$d / b_c$"}
@@ -168,6 +169,17 @@ def test_points_are_joined_by_a_smooth_line():
     smooth = SmoothCurve(x, y).between(0, 12)
     assert np.isin(y, smooth[1]).all() and len(smooth[0]) > 60
     assert np.abs(np.hypot(*smooth) - 1).max() < 1.5e-3 < 0.2 * (1 - np.cos(np.pi / 24))
+
+
+def test_smooth_line_is_akima_interpolation():
+    """Points at random, with equal neighbouring slopes, and on a straight line, against SciPy."""
+    rng = np.random.default_rng(3)
+    for values in (rng.normal(size=(2, 30)), rng.integers(0, 2, (2, 30)).astype(float), np.ones((2, 30))):
+        x, y = np.arange(30) + values[0], values[1]
+        smooth = SmoothCurve(x, y)
+        knots, positions = smooth.along[smooth.distinct], np.linspace(0.0, smooth.along[-1], 500)
+        expected = Akima1DInterpolator(knots, np.stack([x, y])[:, smooth.distinct], axis=1)(positions)
+        np.testing.assert_allclose(akima(knots, np.stack([x, y])[:, smooth.distinct], positions), expected, atol=1e-12)
 
 
 def test_alternating_stability_without_special_points():
