@@ -76,10 +76,9 @@ class Flow:
             raise ValueError(f"Omega = {Omega} must be positive and finite")
         system = system.at_speed(Omega)
         self.Omega, self.m = Omega, len(system.elements)
-        self.structure = StructureStates(system, Omega)
-        self.n, self.order, self.W = self.structure.inertial, self.structure.order, self.structure.W
-        self.A, self.B, self.D = self.structure.A, self.structure.B, self.structure.D
-        self.states = self.structure.states
+        self.structure = states = StructureStates(system, Omega)
+        self.n, self.order, self.states = states.inertial, states.order, states.states
+        self.A, self.B, self.D, self.W = states.A, states.B, states.D, states.W
         self.laws = tuple(e.law for e in system.elements)
         self.segments = LawSegments.of(self.laws)
         self.sliders, self.contacts = SliderFlow(system.elements), ContactFlow(system.elements)
@@ -152,27 +151,28 @@ class Flow:
         d, tau = self.D @ Y[:, 0] - e, self.excitation.phase(t, interval)
         v = self._consistent_rates(line, d, self.structure.free_rates(Y[:, 0], de, f), tau, k)
         p, kd, kv = self._forces(line, d, v, tau, k)
-        slip, zone = line[2]
-        limit, change, gain = self.sliders.limit(zone, self.Omega * t, self.Omega, d, v)
-        friction, stick_stiffness = self.sliders.forces(line[2], d, z[:, 0], limit)
-        np.add.at(p, elements, friction)
-        np.add.at(kd, elements, stick_stiffness)
         out = np.zeros((self.size, Y.shape[1]))
         out[:N] = self.A @ Y
         out[n:N, 0] += f
+        if len(elements):
+            slip, zone = line[2]
+            limit, change, gain = self.sliders.limit(zone, self.Omega * t, self.Omega, d, v)
+            friction, stick_stiffness = self.sliders.forces(line[2], d, z[:, 0], limit)
+            np.add.at(p, elements, friction)
+            np.add.at(kd, elements, stick_stiffness)
+            slips = np.flatnonzero(slip)
+            out[N + slips, 0] = (v[elements] - slip * change / self.sliders.k)[slips]
         out[:N, 0] -= self.B @ (p - self.c * de)
-        slips = np.flatnonzero(slip)
-        out[N + slips, 0] = (v[elements] - slip * change / self.sliders.k)[slips]
         if Y.shape[1] > 1:
             u = self.D @ Y[:, 1:]
             rate = self.structure.variations(u, self.structure.V @ Y[:, 1:], kd, kv)
             out[:N, 1:] -= self.B @ (kd[:, None] * u + kv[:, None] * rate)
             for rows, kd, kv in self._coupling(d, v, tau):
                 out[:N, 1:] -= self.B[:, rows] @ (kd @ u[rows] + kv @ rate[rows])
-            out[:N, 1:] += self.B[:, elements] @ (stick_stiffness[:, None] * z[:, 1:])
-            factors, normal = (slip * gain)[:, None], self.sliders.normal
-            out[:N, 1:] -= self.B[:, elements] @ (factors * u[normal])
-            out[N + slips, 1:] = (rate[elements] - factors / self.sliders.k[:, None] * rate[normal])[slips]
+            if len(elements):
+                factors, normal = (slip * gain)[:, None], self.sliders.normal
+                out[:N, 1:] += self.B[:, elements] @ (stick_stiffness[:, None] * z[:, 1:] - factors * u[normal])
+                out[N + slips, 1:] = (rate[elements] - factors / self.sliders.k[:, None] * rate[normal])[slips]
         return out, self.rigid.hold(line[4], out[n : 2 * n])
 
     def slopes(self, line: Lines, interval: Interval, t: float, y: Array) -> Array:
@@ -206,7 +206,7 @@ class Flow:
         for j in self._curved:
             p[j], kd[j], kv[j] = (x[0] for x in self.laws[j].force(d[j : j + 1], v[j : j + 1], np.array([tau])))
         self.contacts.add_forces(contact, d, v, p, kd, kv)
-        p[self.rigid.element] = self.rigid.slip_forces(rigid)
+        self.rigid.fill_forces(rigid, p)
         for rows, law in self.vectors:
             p[rows] += law.force(d[rows, None], v[rows, None], np.array([tau]))[0][:, 0]
         return p, kd, kv

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import scipy
@@ -76,9 +77,14 @@ class Orbit:
         """Return the motion over its period, with a number of samples per excitation period."""
         return integrate(self.model, self.state, self.nu, self.Omega, samples=samples)
 
+    @cached_property
+    def _own_motion(self) -> Motion:
+        """Motion over the period, integrated once for all numbers of harmonics."""
+        return self.motion()
+
     def rows(self, H: int, motion: Motion | None = None) -> Array:
         """Return real Fourier coefficients (m, 2H + 1) of the element coordinates in theta = tau / nu."""
-        motion = motion or self.motion()
+        motion = motion or self._own_motion
         e = [element.displacement for element in self.model.system().elements]
         smooth = motion.d + np.array([f(motion.tau) if f.corners else 0 * motion.tau for f in e])
         c = np.fft.rfft(smooth, axis=-1)[:, : H + 1] / smooth.shape[-1]

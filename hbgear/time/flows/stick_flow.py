@@ -87,18 +87,18 @@ class StickFlow:
     def __len__(self) -> int:
         return len(self.element)
 
-    def slip_forces(self, state: Integers) -> Array:
-        """Return the forces (R,) of the elements that slip; zero for those that stick."""
-        forces: Array = state * self.kinetic
-        return forces
+    def fill_forces(self, state: Integers, p: Array) -> None:
+        """Set the forces in p (m,) of the elements that slip; zero for those that stick."""
+        if len(self):
+            p[self.element] = state * self.kinetic
 
     def hold(self, state: Integers, accelerations: Array) -> Array:
         """Hold the elements that stick: subtract the accelerations by their forces in place, return the forces.
 
         accelerations : without these forces, shape (n, columns); the forces have the shape (R, columns).
         """
-        forces, sticks = np.zeros((len(self), accelerations.shape[1])), np.flatnonzero(state == STICKS)
-        if len(sticks):
+        forces = np.zeros((len(self), accelerations.shape[1]))
+        if len(self) and len(sticks := np.flatnonzero(state == STICKS)):
             W, unit = self._W[:, sticks], self._accelerations[:, sticks]
             forces[sticks] = np.linalg.solve(W.T @ unit, W.T @ accelerations)
             accelerations -= unit @ forces[sticks]

@@ -276,7 +276,9 @@ def _check(curves: tuple[Branch, ...], number: int, i: int, reason: str, toleran
     status = status_of(original)
     if status != AGREES and _has_own_multipliers(problem, X, original, parameters):
         for finer, Y in _refinements(problem, X, parameters):
-            last = _comparison(finer, Y, None, parameters)
+            last = _comparison(finer, Y, None, parameters, original)
+            if status_of(last) != AGREES:
+                last = _comparison(finer, Y, None, parameters)
             if status_of(last) == AGREES:
                 status = f"{AGREES} with H = {last.H}"
                 break
@@ -323,13 +325,20 @@ def _has_own_multipliers(problem: Any, X: Array, base: _Comparison, parameters: 
     return stored_error <= new_error + allowed
 
 
-def _comparison(problem: Any, X: Array, mu: ComplexArray | None, parameters: dict[str, float]) -> _Comparison:
-    """Return a solution with its periodic motion by shooting; without it if shooting does not converge."""
-    model = problem.model_at(parameters)
-    y = start_state(problem, X, **parameters)
+def _comparison(
+    problem: Any, X: Array, mu: ComplexArray | None, parameters: dict[str, float], known: _Comparison | None = None
+) -> _Comparison:
+    """Return a solution with its periodic motion by shooting; without it if shooting does not converge.
+
+    With a ``known`` comparison, which should be of the same motion, the solution is compared with its periodic motion.
+    """
     layout = problem.layout
     rows = [layout.rows(X, j) for j in range(len(layout.elements))]
     mu = problem.multipliers(X, **parameters) if mu is None else mu
+    if known is not None:
+        return known._replace(H=problem.H, rows=rows, mu=mu)
+    model = problem.model_at(parameters)
+    y = start_state(problem, X, **parameters)
     closure = _closure(model, y, parameters["Omega"], problem.nu)
     try:
         orbit = shoot(model, parameters["Omega"], y, problem.nu, tolerance=10 * _INTEGRATION_TOLERANCE)
