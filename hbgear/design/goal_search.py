@@ -31,7 +31,7 @@ from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, checked
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point, SpecialPoint
 from hbgear.continuation.results.termination import raise_if_interrupted
-from hbgear.continuation.solvers.newton import NoConvergence
+from hbgear.continuation.solvers.newton import SEARCH_ERRORS, NoConvergence
 from hbgear.continuation.tracing.trace import trace
 from hbgear.harmonic.bifurcations.peaks import peaks
 from hbgear.harmonic.equations.layout import Layout, check_measure
@@ -291,7 +291,7 @@ class Search:
         """Return the slack, infinitely short of the goal if it cannot be computed, or None without a jump."""
         try:
             return self._evaluated(u)
-        except (NoConvergence, ValueError, np.linalg.LinAlgError):
+        except SEARCH_ERRORS:
             return Slack(np.full((1, 1), -math.inf), np.zeros((1, 1, len(u))), np.zeros(1))
 
     def _evaluated(self, u: Array) -> Slack | None:
@@ -325,7 +325,7 @@ class Search:
         relocated: list[Cusp] = []
         constraints: list[list[_Constraint]] = []
         for cusp in self.cusps:
-            with suppress(NoConvergence, ValueError, np.linalg.LinAlgError):
+            with suppress(*SEARCH_ERRORS):
                 constraints.append(self._constraints(cusp, u))
                 relocated.append(cusp)
         self.cusps = relocated
@@ -364,7 +364,7 @@ class Search:
         value = cusp.point.parameters[cusp.name]
         for other in self.cusps:
             if other.name == cusp.name and other.side == cusp.side:
-                with suppress(NoConvergence, ValueError, np.linalg.LinAlgError):
+                with suppress(*SEARCH_ERRORS):
                     relocated = self._relocated(other.point, other.name, other.start, cusp.start)[0]
                     if abs(relocated.value - value) <= SAME_CUSP * abs(value):
                         return
@@ -412,7 +412,7 @@ class Search:
         for deviations in self.spread.sample:
             try:
                 points.append(self._relocated_at(mover, point, names, changes, deviations))
-            except (NoConvergence, ValueError, np.linalg.LinAlgError):
+            except SEARCH_ERRORS:
                 points.append(first.linearized(deviations))
         return points
 

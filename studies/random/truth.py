@@ -31,7 +31,7 @@ from hbgear.common.arrays import Array
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Jump, Point, SpecialPoint
 from hbgear.continuation.results.stability import STABILITY_TOLERANCE
-from hbgear.continuation.solvers.newton import NoConvergence, solve
+from hbgear.continuation.solvers.newton import SOLVER_ERRORS, NoConvergence, solve
 from hbgear.harmonic.structure.linear_structure import LinearStructure
 from hbgear.time.exponential.integrator import modal_state, physical_state
 from hbgear.time.integration import state_of
@@ -442,7 +442,7 @@ def verdicts(it: Machine, branch: Branch, finer: hb.HarmonicBalance, random: np.
             X = solve(finer, finer.from_point(point), point.parameters).X
             y = state_of(finer, X, **point.parameters)
             orbit = hb.time.shoot(it.model, point.parameters["Omega"], y, tolerance=1e-10)
-        except (NoConvergence, ArithmeticError, np.linalg.LinAlgError):
+        except (*SOLVER_ERRORS, ArithmeticError):
             continue
         n = len(y) // 2
         if np.linalg.norm(orbit.state[:n] - y[:n]) < SAME_MOTION * np.linalg.norm(y[:n]):

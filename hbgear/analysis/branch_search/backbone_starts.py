@@ -22,7 +22,7 @@ import numpy as np
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.termination import raise_if_interrupted
-from hbgear.continuation.solvers.newton import NoConvergence
+from hbgear.continuation.solvers.newton import SEARCH_ERRORS
 from hbgear.continuation.stepping.control import StepControl
 from hbgear.harmonic.autonomous.backbone_curve import backbone
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
@@ -67,7 +67,7 @@ class BackboneStarts:
         H = max(1, min(BACKBONE_HARMONICS, self.problem.H // self.problem.nu))
         curves = []
         for mode in range(1, MODES + 1):
-            with suppress(ValueError, NoConvergence, np.linalg.LinAlgError):
+            with suppress(*SEARCH_ERRORS):
                 curve = backbone(self.problem.model, mode, (low, high), harmonics=H, stability=False, special=False,
                                  accuracy=None, steps=_STEPS)  # fmt: skip
                 curves.append(raise_if_interrupted(curve))

@@ -21,7 +21,7 @@ from hbgear.continuation.problem.adapter import as_problem
 from hbgear.continuation.problem.base import ContinuationProblem, linearise, observe_all
 from hbgear.continuation.problem.evaluation import Evaluation
 from hbgear.continuation.results.branch import Branch
-from hbgear.continuation.solvers.newton import NoConvergence
+from hbgear.continuation.solvers.newton import SEARCH_ERRORS, NoConvergence
 
 MAX_REFINEMENT_ITERATIONS = 12
 """Maximum number of Newton iterations at a point."""
@@ -125,7 +125,7 @@ def _solution(finer: ContinuationProblem, branch: Branch, i: int) -> tuple[Array
     guess = finer.resized(branch.X[i])
     try:
         return nearest_solution(finer, guess, branch.parameter, branch.parameters_at(i))
-    except (NoConvergence, np.linalg.LinAlgError, ValueError):
+    except SEARCH_ERRORS:
         return np.full(len(guess), np.nan), np.nan
 
 

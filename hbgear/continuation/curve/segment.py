@@ -19,7 +19,7 @@ from hbgear.common.arrays import Array
 from hbgear.continuation.numerics.linear import norm
 from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.solvers.corrector import CorrectedPoint, correct, corrected
-from hbgear.continuation.solvers.newton import NewtonSettings, NoConvergence, Solution, solve
+from hbgear.continuation.solvers.newton import SOLVER_ERRORS, NewtonSettings, Solution, solve
 
 
 @dataclass(slots=True, eq=False)  # not frozen: frozen instances take three times as long to create
@@ -301,7 +301,7 @@ class Segment:
             return False
         try:
             nearest = self.at(s)
-        except (NoConvergence, np.linalg.LinAlgError):
+        except SOLVER_ERRORS:
             return False
         gap, along = (nearest.u - point.u) / self.scale, point.tangent / self.scale
         normal = gap - along * (gap @ along) / (along @ along)

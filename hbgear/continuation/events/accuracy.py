@@ -34,7 +34,7 @@ from hbgear.continuation.problem.base import ContinuationProblem, observe_all
 from hbgear.continuation.problem.work import Work
 from hbgear.continuation.results.point import SpecialPoint
 from hbgear.continuation.results.stability import MAX_MULTIPLIER_DEVIATION
-from hbgear.continuation.solvers.newton import NoConvergence, Solution, solution_at
+from hbgear.continuation.solvers.newton import SEARCH_ERRORS, SOLVER_ERRORS, Solution, solution_at
 
 PARAMETER_ROUNDING = 1e-12
 """Rounding error of a parameter, relative to its unit. Error estimates are not smaller."""
@@ -259,7 +259,7 @@ def _at_other_resolution(segment: Segment, event: LocatedEvent, problem: Continu
         try:
             change = _fold_shift(segment, event.refined.point if event.refined else event.point, problem)
             return Comparison(event.value + change, 0.0, lambda: _on_segment(segment, event, problem).locate())
-        except (NoConvergence, np.linalg.LinAlgError):
+        except SOLVER_ERRORS:
             pass
     return _on_segment(segment, event, problem)
 
@@ -284,13 +284,13 @@ def _by_equations(segment: Segment, event: LocatedEvent, problem: ContinuationPr
             extended = type(extended)(problem.original, segment.name, *extended.arguments)
         unit = problem.unit_of(segment.name, located.value)
         U = _newton_until_settled(extended, start, parameters, PARAMETER_ROUNDING * unit)
-    except (NoConvergence, np.linalg.LinAlgError, ValueError):
+    except SEARCH_ERRORS:
         return None
 
     def locate() -> RefinedLocation | None:
         try:
             solution = extended.located(U, parameters)
-        except (NoConvergence, np.linalg.LinAlgError, ValueError):
+        except SEARCH_ERRORS:
             return None
         refined = _curve_point(segment, problem, solution_at(problem, solution.X, segment.name, segment.parameters))
         valid = (
@@ -341,7 +341,7 @@ def _on_segment(segment: Segment, event: LocatedEvent, problem: ContinuationProb
             for p in find(resolved) or _on_extended_segment(resolved, find)
             if p.located and p.event.kind == event.event.kind
         ]
-    except (NoConvergence, np.linalg.LinAlgError):
+    except SOLVER_ERRORS:
         return _NOT_FOUND
     if not points:
         return _NOT_FOUND
@@ -384,7 +384,7 @@ def _on_extended_segment(segment: Segment, find: Callable[[Segment], list[Locate
             break
         try:
             events = find(_segment_between(segment, segment.at(-extension), segment.at(1.0 + extension)))
-        except (NoConvergence, np.linalg.LinAlgError):
+        except SOLVER_ERRORS:
             break
         if events:
             return events

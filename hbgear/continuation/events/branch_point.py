@@ -21,7 +21,7 @@ from hbgear.continuation.problem.adapter import as_problem
 from hbgear.continuation.problem.base import ContinuationProblem, linearise
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import SpecialPoint
-from hbgear.continuation.solvers.newton import NoConvergence
+from hbgear.continuation.solvers.newton import SEARCH_ERRORS
 
 
 class BranchPointEvent(BuiltInEvent):
@@ -112,7 +112,7 @@ def _refined_branch_point(segment: Segment, rough: LocatedEvent) -> LocatedEvent
     u = rough.point.u
     try:
         U = BranchPointProblem(segment.problem, segment.name).located(u, segment.parameters).X
-    except (NoConvergence, np.linalg.LinAlgError, ValueError):
+    except SEARCH_ERRORS:
         return rough
     point = singular(segment, U, rough.point)
     is_close = np.linalg.norm((U - u) / segment.scale) <= MAX_REFINEMENT_FRACTION * segment.length

@@ -46,7 +46,14 @@ from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point, SpecialPoint
 from hbgear.continuation.results.status import Status
-from hbgear.continuation.solvers.newton import NewtonSettings, NoConvergence, on_curve, solution_at
+from hbgear.continuation.solvers.newton import (
+    SEARCH_ERRORS,
+    SOLVER_ERRORS,
+    NewtonSettings,
+    NoConvergence,
+    on_curve,
+    solution_at,
+)
 
 
 @dataclass(frozen=True)
@@ -491,7 +498,7 @@ def locate_root(
         """Return the test function; zero at a singular point with a sign change, which is the special point."""
         try:
             return value(s)
-        except (NoConvergence, np.linalg.LinAlgError):
+        except SOLVER_ERRORS:
             low, high = max(s - SINGULAR_POINT_OFFSET, 0.0), min(s + SINGULAR_POINT_OFFSET, 1.0)
             if value(low) * value(high) >= 0:
                 raise
@@ -504,7 +511,7 @@ def locate_root(
         candidates = [x for x in values if abs(x - root) <= ROUNDING_FRACTION]
         s = min(candidates, key=lambda x: abs(values[x]))  # near a singular point the last value may be rounding error
         return LocatedEvent(event, s, points[s], True, note)
-    except (NoConvergence, np.linalg.LinAlgError, ValueError):
+    except SEARCH_ERRORS:
         f0, f1 = abs(test(segment.a)), abs(test(segment.b))
         s = 0.0 if f0 < f1 else 1.0
         return LocatedEvent(event, s, points[s], False, note)

@@ -19,7 +19,7 @@ from hbgear.continuation.events.near_tangency import NEAR_ZERO_RATIO
 from hbgear.continuation.numerics.linear import norm, norms
 from hbgear.continuation.problem.adapter import as_problem
 from hbgear.continuation.problem.base import ContinuationProblem
-from hbgear.continuation.solvers.newton import NoConvergence
+from hbgear.continuation.solvers.newton import SOLVER_ERRORS, NoConvergence
 
 
 def equations_of_fold(
@@ -101,7 +101,7 @@ class FoldEvent(BuiltInEvent):
                         segment, self, FoldProblem(segment.problem, segment.name), fold_on_segment(segment)
                     )
                 ]
-            except (NoConvergence, np.linalg.LinAlgError):
+            except SOLVER_ERRORS:
                 pass
         first = (
             math.nan if segment.problem.is_nonsmooth else fold_on_segment(segment)

@@ -16,7 +16,7 @@ from hbgear.continuation.events.event import Event
 from hbgear.continuation.numerics.linear import norm
 from hbgear.continuation.problem.adapter import as_problem
 from hbgear.continuation.results.point import Point
-from hbgear.continuation.solvers.newton import NoConvergence, solve
+from hbgear.continuation.solvers.newton import SOLVER_ERRORS, NoConvergence, solve
 
 AnyPoint = TypeVar("AnyPoint", bound=Point)
 
@@ -54,7 +54,7 @@ def in_residual_form(problem: Any, point: AnyPoint, parameter: str, event: Event
     if form is problem:
         return problem, point
     while True:
-        with suppress(NoConvergence, np.linalg.LinAlgError):
+        with suppress(*SOLVER_ERRORS):
             converted = replace(point, X=problem.in_residual_form(point, form), layout=form.layout, problem=form)
             if _difference(form, converted, parameter, event) <= RESIDUAL_FORM_ACCURACY:
                 return form, converted

@@ -33,7 +33,7 @@ from hbgear.continuation.numerics.linear import as_dense, bordered, norm, solve_
 from hbgear.continuation.problem.base import linearise
 from hbgear.continuation.problem.evaluation import Evaluation
 from hbgear.continuation.solvers.corrector import CorrectedPoint, correct
-from hbgear.continuation.solvers.newton import NewtonSettings, NoConvergence, solve
+from hbgear.continuation.solvers.newton import SEARCH_ERRORS, SOLVER_ERRORS, NewtonSettings, NoConvergence, solve
 
 PROBE_DISTANCES = (1e2, 1e3, 1e4)
 """Distances of the probes from the last point, over the smallest step. The last point lies within a few smallest steps
@@ -85,7 +85,7 @@ def step_over_corner(
         limits = (SHORTEST_STEP * smallest, LONGEST_STEP_OVER_ROOT * math.sqrt(delta), turn)
         try:
             result = _point_beyond(equations, u, direction, orientation, scale, delta, limits)
-        except (ValueError, NoConvergence, np.linalg.LinAlgError):  # ValueError of a model
+        except SEARCH_ERRORS:  # ValueError of a model
             continue
         if result is not None:
             return result
@@ -115,7 +115,7 @@ def _point_beyond(
     """
     n = _largest_change(equations, u, u + delta * tangent, scale)
     for direction in (tangent, n, -n):
-        with suppress(NoConvergence, np.linalg.LinAlgError):
+        with suppress(*SOLVER_ERRORS):
             candidate = _from_probe(equations, u, u + delta * direction, n, scale)
             oriented = candidate.direction * (candidate.orientation * orientation or 1)
             chord = np.append(candidate.solution.X, candidate.solution.value) - u

@@ -23,7 +23,7 @@ from hbgear.continuation.problem.adapter import as_problem
 from hbgear.continuation.problem.base import ContinuationProblem, linearise
 from hbgear.continuation.problem.evaluation import Evaluation
 from hbgear.continuation.solvers.corrector import correct
-from hbgear.continuation.solvers.newton import NewtonSettings, NoConvergence, Solution, describe, solve
+from hbgear.continuation.solvers.newton import SOLVER_ERRORS, NewtonSettings, NoConvergence, Solution, describe, solve
 
 
 class _Homotopy(ContinuationProblem):
@@ -124,7 +124,7 @@ def solve_along(
             n = t / scale**2 / np.linalg.norm(t / scale**2)
             # points of the path only lead to its end, so that a loose tolerance is enough
             point = correct(path, u + h * t, n, "s", {"s": 0.0}, NewtonSettings(1e-6, 1e-2, 6)).solution
-        except (NoConvergence, np.linalg.LinAlgError):
+        except SOLVER_ERRORS:
             h *= 0.5
             if h < MIN_STEP:
                 break

@@ -56,6 +56,13 @@ class NoConvergence(RuntimeError):
         self.X, self.parameters, self.residuals = X, dict(parameters), residuals
 
 
+SOLVER_ERRORS = (NoConvergence, np.linalg.LinAlgError)
+"""Errors of a solver that finds no solution: it does not converge, or a matrix is singular."""
+
+SEARCH_ERRORS = (*SOLVER_ERRORS, ValueError)
+"""Errors of a search without a result: those of a solver, and ValueError of a model that refuses its parameters."""
+
+
 @dataclass(frozen=True)
 class NewtonSettings:
     """Settings of the corrector.

@@ -23,7 +23,7 @@ from hbgear.continuation.curve.segment import BranchStart
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.concatenation import concatenate
 from hbgear.continuation.results.status import Status
-from hbgear.continuation.solvers.newton import NewtonSettings, NoConvergence
+from hbgear.continuation.solvers.newton import SEARCH_ERRORS, NewtonSettings
 from hbgear.continuation.tracing.jumps import find_jumps
 
 UNCOVERED = (Status.LEFT_SPAN, Status.UNBOUNDED, Status.CLOSED, Status.RETRACED, Status.STEP_TOO_SMALL)
@@ -106,10 +106,6 @@ MAX_CURVES = 8
 """Largest number of further curves of one span."""
 
 
-_SEARCH_ERRORS = (NoConvergence, np.linalg.LinAlgError, ValueError)
-"""Errors of a search without a result. The model raises ValueError for inadmissible parameters."""
-
-
 def cover_span(
     first: Branch, others: list[Branch], span: tuple[float, float], search: CoverageSearch, inside: bool = True
 ) -> None:
@@ -131,7 +127,7 @@ def cover_span(
         Whether solutions are also searched away from the ends of the span. The default is True.
     """
     if any(low <= span[1] <= high for low, high in uncovered_intervals([first], span)):
-        with suppress(*_SEARCH_ERRORS):
+        with suppress(*SEARCH_ERRORS):
             others += [search.follow(span[::-1], None, False)]
     searched: set[tuple[float, bytes]] = set()
     while inside and len(others) < MAX_CURVES and (missing := uncovered_intervals([first, *others], span)):
@@ -139,7 +135,7 @@ def cover_span(
         if guess is None:
             return
         searched.add(_key(guess))
-        with suppress(*_SEARCH_ERRORS):
+        with suppress(*SEARCH_ERRORS):
             branch = _trace_from_guess(*guess, span, search)
             others += [branch] if uncovered_intervals([first, *others, branch], span) != missing else []
 

@@ -21,7 +21,7 @@ from hbgear.continuation.curve.segment import CurvePoint, Points, cosine, normal
 from hbgear.continuation.events.columns import unknowns
 from hbgear.continuation.events.fold import FoldEvent, far_side_of_fold
 from hbgear.continuation.numerics.linear import norm, norms
-from hbgear.continuation.solvers.newton import NoConvergence, refine, solve
+from hbgear.continuation.solvers.newton import SEARCH_ERRORS, SOLVER_ERRORS, refine, solve
 from hbgear.continuation.tracing.state import NUMBER_OF_RECENT_POINTS, TraceState
 
 MIN_BOUNDARY_COSINE = 0.9
@@ -101,7 +101,7 @@ class CurveEnds:
             solution = refine(state.problem, solution, parameters, name)
             normal = normal_of(point.u - last.u, state.scale)
             return point_from_solution(solution, normal, state.scale, s * point.step, last)
-        except (NoConvergence, np.linalg.LinAlgError):
+        except SOLVER_ERRORS:
             return point
 
     def at_range_boundary(self, step: float) -> CurvePoint | None:
@@ -119,7 +119,7 @@ class CurveEnds:
         try:
             solution = solve(state.problem, guess[:-1], setup.parameters_at(end), setup.name, setup.settings.newton)
             point = point_from_solution(solution, normal_of(unit, state.scale), state.scale, step, last)
-        except (ValueError, NoConvergence, np.linalg.LinAlgError):
+        except SEARCH_ERRORS:
             return None
         distance = norm((point.u - last.u) / state.scale)
         lengths = norm(point.tangent / state.scale), norm(last.tangent / state.scale)

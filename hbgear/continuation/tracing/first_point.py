@@ -30,7 +30,14 @@ from hbgear.continuation.numerics.linear import norm
 from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.results.point import Point
 from hbgear.continuation.solvers.corrector import correct
-from hbgear.continuation.solvers.newton import NewtonSettings, NoConvergence, Solution, solution_at, solve
+from hbgear.continuation.solvers.newton import (
+    SOLVER_ERRORS,
+    NewtonSettings,
+    NoConvergence,
+    Solution,
+    solution_at,
+    solve,
+)
 from hbgear.continuation.tracing.state import TraceSetup, TraceState
 
 MIN_STEP_RATIO = 1e-4
@@ -278,7 +285,7 @@ def _first_two_points(state: TraceState, start: BranchStart) -> tuple[CurvePoint
     while step >= smallest:
         try:
             point = _point_along_branch(state, start, step)
-        except (NoConvergence, np.linalg.LinAlgError):
+        except SOLVER_ERRORS:
             if second is None and step < 10 * MIN_STEP_RATIO * setup.settings.steps.first_step:
                 raise
         else:

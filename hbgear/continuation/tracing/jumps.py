@@ -17,7 +17,7 @@ from hbgear.continuation.results.interpolation import crossings_at
 from hbgear.continuation.results.layout import HasDistance
 from hbgear.continuation.results.point import BIFURCATING, Jump, Point, SpecialPoint
 from hbgear.continuation.results.stability import STABILITY_CHANGING_KINDS, is_stable
-from hbgear.continuation.solvers.newton import NewtonSettings, NoConvergence, Solution, solve
+from hbgear.continuation.solvers.newton import SEARCH_ERRORS, NewtonSettings, NoConvergence, Solution, solve
 from hbgear.continuation.stepping.control import StepControl
 from hbgear.continuation.tracing.first_point import point_on_branch
 from hbgear.continuation.tracing.state import TraceSettings
@@ -321,7 +321,7 @@ def point_on_new_branch(
     fixed = {name: value for name, value in start.parameters.items() if name != branch.parameter}
     try:
         new = point_on_branch(problem, start, offset, branch.parameter, fixed, scale, settings)
-    except (NoConvergence, np.linalg.LinAlgError, ValueError):
+    except SEARCH_ERRORS:
         return None
     new.observed = observe_all(problem, new.u[None], branch.parameter, fixed, True)[0]
     return build_point(problem, branch.parameter, fixed, new)

@@ -23,7 +23,7 @@ from hbgear.continuation.problem.base import ContinuationProblem, observe_all
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.branch_data import relative_errors
 from hbgear.continuation.results.stability import STABILITY_CHANGING_KINDS, STABLE, UNSTABLE, stability_codes
-from hbgear.continuation.solvers.newton import NoConvergence
+from hbgear.continuation.solvers.newton import SOLVER_ERRORS
 from hbgear.continuation.tracing.state import TraceState
 
 MAX_RELATIVE_TRUNCATION_ERROR = 0.05
@@ -151,7 +151,7 @@ class Monitor:
         try:
             point = segment.at(s)
             self.observe([point], errors=errors)
-        except (NoConvergence, np.linalg.LinAlgError):
+        except SOLVER_ERRORS:
             return None
         return point
 

@@ -9,12 +9,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-import numpy as np
-
 from hbgear.continuation.curve.segment import CurvePoint, Segment, resolve_at_resolution
 from hbgear.continuation.events.event import LocatedEvent
 from hbgear.continuation.problem.base import ContinuationProblem
-from hbgear.continuation.solvers.newton import NoConvergence
+from hbgear.continuation.solvers.newton import SOLVER_ERRORS
 from hbgear.continuation.tracing.monitoring import Monitor
 from hbgear.continuation.tracing.state import TraceState, number_of_unknowns
 
@@ -82,7 +80,7 @@ class ResolutionControl:
         scale, newton = state.scale_for(problem), setup.settings.newton
         try:
             solved = resolve_at_resolution(point, problem, setup.name, setup.fixed, scale, newton, fixed_value)
-        except (NoConvergence, np.linalg.LinAlgError):
+        except SOLVER_ERRORS:
             return None
         self.monitor.observe([solved], problem)
         return solved

@@ -22,7 +22,7 @@ from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.problem.evaluation import Pursuit
 from hbgear.continuation.solvers.corner import step_over_corner
 from hbgear.continuation.solvers.corrector import correct
-from hbgear.continuation.solvers.newton import NewtonSettings, NoConvergence
+from hbgear.continuation.solvers.newton import SEARCH_ERRORS, NewtonSettings
 from hbgear.continuation.stepping.control import StepControl
 from hbgear.continuation.stepping.status import ACCEPTED, NOT_CONVERGED, PREDICTION_ERROR, status_message
 
@@ -271,7 +271,7 @@ class Stepper:
             solution, direction = point.solution, np.array(point.direction)
             u_new = np.append(solution.X, solution.value)
             status, turn, deviation = accept_step(u_new, direction, predicted, u[0], t[0], scale, step, limits)
-        except (ValueError, NoConvergence, np.linalg.LinAlgError) as error:  # ValueError of a model
+        except SEARCH_ERRORS as error:  # ValueError of a model
             return _Attempt(NOT_CONVERGED, np.empty(0), 0.0, step, str(error))
         numbers = [step, point.orientation, solution.iterations, solution.residual]
         following = next_step(step, solution.iterations, turn, deviation, control)

@@ -20,7 +20,7 @@ from hbgear.common.arrays import Array
 from hbgear.continuation.augmented.sensitivity import tangent
 from hbgear.continuation.numerics.linear import Factors
 from hbgear.continuation.results.point import Jump
-from hbgear.continuation.solvers.newton import NoConvergence
+from hbgear.continuation.solvers.newton import SEARCH_ERRORS
 from hbgear.design.fitting.sweep_motions import (
     COARSE_DEVIATION,
     END,
@@ -200,7 +200,7 @@ class Prediction(SweepMotions):
             try:
                 slopes = sensitivity(jump.before, self.names, measure=self.data.measure, element=self.data.element)
                 derivatives = {"Omega": slopes.slopes[0], "size": np.array(list(slopes.of(self.data.measure).values()))}
-            except (ValueError, NoConvergence, np.linalg.LinAlgError):
+            except SEARCH_ERRORS:
                 derivatives = {"Omega": np.zeros(len(self.names)), "size": np.zeros(len(self.names))}
             self._cached_jump_derivatives[jump.label] = derivatives
         return self._cached_jump_derivatives[jump.label]

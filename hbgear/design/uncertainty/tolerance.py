@@ -29,7 +29,7 @@ from hbgear.common.text.messages import quoted
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Jump
 from hbgear.continuation.results.termination import raise_if_interrupted
-from hbgear.continuation.solvers.newton import NoConvergence
+from hbgear.continuation.solvers.newton import SEARCH_ERRORS
 from hbgear.continuation.tracing.trace import trace
 from hbgear.harmonic.models.frequency_units import MESH, PINION, speeds_at
 
@@ -204,12 +204,12 @@ def _jump_of(
     """Return the value of the parameter at a jump for changes of other parameters, None without it, and these."""
     values = np.array(list(changes.values()))
     parameters = solver.changed(values)
-    with suppress(NoConvergence, ValueError, np.linalg.LinAlgError):
+    with suppress(*SEARCH_ERRORS):
         U, parameters = solver.solved(values)
         if solver.bounds_stable_motions(U, parameters):
             return float(U[-1]), parameters
     change = float(slopes @ values)
-    with suppress(NoConvergence, ValueError, np.linalg.LinAlgError):
+    with suppress(*SEARCH_ERRORS):
         span, at = (branch.values[0], branch.values[-1]), {name: parameters[name] for name in changes}
         curve = raise_if_interrupted(trace(branch.problem, branch.parameter, span, at=at, accuracy=None))
         others = [other.value for one in curve.curves for other in one.jumps() if other.direction == jump.direction]

@@ -31,7 +31,7 @@ from hbgear.common.arrays import Array, ComplexArray
 from hbgear.continuation.curve.refinement import nearest_solution
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.stability import STABILITY_TOLERANCE
-from hbgear.continuation.solvers.newton import NoConvergence
+from hbgear.continuation.solvers.newton import SOLVER_ERRORS
 from hbgear.harmonic.autonomous.backbone import AMPLITUDE, BackboneProblem, model_parameters
 from hbgear.harmonic.multipliers.floquet import floquet_multipliers
 
@@ -40,10 +40,6 @@ MAX_MODAL_DAMPING = 1e-8
 
 _POSITION_TOLERANCE = 1e-10
 """Tolerance of the position of a change, as a fraction of its segment."""
-
-
-_SOLVER_ERRORS = NoConvergence, np.linalg.LinAlgError
-"""Errors of `nearest_solution`."""
 
 
 class StabilityChange(NamedTuple):
@@ -225,7 +221,7 @@ def _verified(
         return coarse
     try:
         fine, _ = _nearest(finer, finer.resized(problem.join(X, parameters)), parameters)
-    except _SOLVER_ERRORS:
+    except SOLVER_ERRORS:
         return coarse._replace(error=np.inf)
     if fine is None or len(fine.half_traces) != len(coarse.half_traces):
         return coarse._replace(error=np.inf)
@@ -283,7 +279,7 @@ class _Path:
         """Return the parameters of the motion at a position, or of the nearest point if the motion is not found."""
         try:
             return self.at(t)[1]
-        except _SOLVER_ERRORS:
+        except SOLVER_ERRORS:
             return self.curve.parameters_at(round(t))
 
     def margin(self, t: float, index: int) -> float:
@@ -319,7 +315,7 @@ class _Path:
             if self.margin(low, index) * self.margin(high, index) > 0:  # a motion is known with few harmonics only
                 return high
             return float(scipy.optimize.brentq(self.margin, low, high, (index,), xtol=_POSITION_TOLERANCE))
-        except _SOLVER_ERRORS:
+        except SOLVER_ERRORS:
             return high
 
     def _band(self, low: int, high: int, index: int) -> list[float]:
@@ -330,7 +326,7 @@ class _Path:
             )
             top = float(highest.x)
             spectrum, _ = self.at(top)
-        except _SOLVER_ERRORS:
+        except SOLVER_ERRORS:
             return []
         if spectrum is None or spectrum.margins[index] <= spectrum.tolerances[index]:
             return []

@@ -48,7 +48,7 @@ from hbgear.continuation.problem.base import ContinuationProblem, linearise
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point, SpecialPoint
 from hbgear.continuation.results.status import Status
-from hbgear.continuation.solvers.newton import NoConvergence, Solution, solve
+from hbgear.continuation.solvers.newton import SEARCH_ERRORS, SOLVER_ERRORS, Solution, solve
 from hbgear.harmonic.bifurcations.neimark_sacker import NeimarkSackerProblem, PairModulusProblem, exponent_of_pair
 from hbgear.harmonic.bifurcations.period_doubling import PeriodDoublingProblem
 from hbgear.harmonic.multipliers.hill import CondensedHillMatrix
@@ -84,7 +84,7 @@ class CodimensionTwoEvent(BuiltInEvent):
         X, tracked = problem.split(point.X)
         try:
             return type(self).function(problem, X, {**fixed, **tracked, name: point.value})
-        except (NoConvergence, np.linalg.LinAlgError):
+        except SOLVER_ERRORS:
             return math.nan
 
 
@@ -209,7 +209,7 @@ class ResonanceEvent(CodimensionTwoEvent):
             pair = NeimarkSackerProblem(balance, name, 1j * s.imag)
             fixed = {key: value for key, value in parameters.items() if key != name}
             solution = solve(pair, pair.join(nearby, changed), fixed)
-        except (NoConvergence, np.linalg.LinAlgError, ValueError):
+        except SEARCH_ERRORS:
             return None
         return (pair, solution) if norm(pair.split(solution.X)[0] - nearby) <= abs(distance) else None
 
@@ -403,7 +403,7 @@ def exponent_at(
     try:
         s: complex = equations.exponent(X, **{**fixed, **tracked, name: point.value})
         return s
-    except (NoConvergence, np.linalg.LinAlgError, ValueError):
+    except SEARCH_ERRORS:
         return None
 
 
@@ -476,7 +476,7 @@ class RealPairEvent(CodimensionTwoEvent):
         equations = ScalarConditionProblem(codimension_one, name, test)
         try:
             solution = equations.located(u, segment.parameters_at(float(u[-1])))
-        except (NoConvergence, np.linalg.LinAlgError, ValueError):
+        except SEARCH_ERRORS:
             return None
         root = solution.X
         if norm((root - u) / segment.scale) > MAX_END_SHIFT:

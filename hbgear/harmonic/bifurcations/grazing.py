@@ -13,7 +13,7 @@ from hbgear.continuation.curve.segment import Segment
 from hbgear.continuation.events.columns import monitored_values
 from hbgear.continuation.events.event import LocatedEvent, singular
 from hbgear.continuation.problem.evaluation import Locating
-from hbgear.continuation.solvers.newton import NoConvergence
+from hbgear.continuation.solvers.newton import SOLVER_ERRORS
 from hbgear.harmonic.bifurcations.threshold import ThresholdEvent, ThresholdProblem
 
 
@@ -114,7 +114,7 @@ class GrazingEvent(ThresholdEvent):
         extended = GrazingProblem(problem, segment.name, nearest)
         try:
             u = extended.located(segment.b.u, segment.parameters_at(segment.b.value)).X
-        except (NoConvergence, np.linalg.LinAlgError):
+        except SOLVER_ERRORS:
             return None
         s = segment.fraction_of(u)
         is_far = np.linalg.norm((u - segment.b.u) / segment.scale) > 2 * MAX_CONTACT_EXTRAPOLATION * segment.length

@@ -45,7 +45,7 @@ from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import SpecialPoint
 from hbgear.continuation.results.stability import STABILITY_TOLERANCE, product_of_pairs, scaled_determinant
 from hbgear.continuation.results.status import Status
-from hbgear.continuation.solvers.newton import NoConvergence, refine, solve
+from hbgear.continuation.solvers.newton import SEARCH_ERRORS, SOLVER_ERRORS, refine, solve
 from hbgear.harmonic.bifurcations.monitored import (
     complex_multipliers,
     count_unstable,
@@ -123,7 +123,7 @@ class PeriodDoublingEvent(BuiltInEvent):
         if extended is not None:
             try:
                 return locate_by_newton(segment, self, extended, before / (before - after))
-            except (NoConvergence, np.linalg.LinAlgError):
+            except SOLVER_ERRORS:
                 pass
         rough = locate_root(
             segment, self, lambda point: float(scaled_determinant(multipliers_at(segment, point)[None], -1.0)[0])
@@ -168,7 +168,7 @@ def _refine_root(segment: Segment, rough: LocatedEvent, extended: MinimallyAugme
         refined = locate_by_newton(
             segment, rough.event, extended, rough.s, margin=MAX_TRUNCATION_SHIFT / segment.length
         )
-    except (NoConvergence, np.linalg.LinAlgError, ValueError):
+    except SEARCH_ERRORS:
         return rough
     beyond_farther_end = refined.s < 0 if rough.s > 0.5 else refined.s > 1
     shift = norm((refined.point.u - rough.point.u) / segment.scale)
@@ -297,7 +297,7 @@ class NeimarkSackerEvent(BuiltInEvent):
         fractions = np.linspace(0.0, 1.0, SUBSEGMENTS + 1).tolist()
         try:
             points = [segment.a, *(segment.at(s) for s in fractions[1:-1]), segment.b]
-        except (NoConvergence, np.linalg.LinAlgError):
+        except SOLVER_ERRORS:
             return []
         values = [product_of_pairs(multipliers_at(segment, point)) for point in points]
         located = []
@@ -433,7 +433,7 @@ class PeriodDoublingMergeEvent(BuiltInEvent):
         root = locate_root(segment, self, lambda point: float(first @ part(point.X)))
         try:
             return [replace(root, point=_at_doubling(segment, root.point))]
-        except (NoConvergence, np.linalg.LinAlgError):
+        except SOLVER_ERRORS:
             return [root]
 
     def termination(self, name: str, value: float) -> tuple[Status, str]:

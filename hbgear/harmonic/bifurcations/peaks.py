@@ -20,7 +20,7 @@ from hbgear.continuation.problem.adapter import as_problem
 from hbgear.continuation.problem.base import ContinuationProblem, linearise
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import SpecialPoint
-from hbgear.continuation.solvers.newton import NewtonSettings, NoConvergence, Solution, on_curve, solve
+from hbgear.continuation.solvers.newton import SOLVER_ERRORS, NewtonSettings, NoConvergence, Solution, on_curve, solve
 from hbgear.harmonic.bifurcations.extremum import peak_of
 from hbgear.harmonic.equations.layout import Layout, check_peaks, layout_of
 
@@ -111,7 +111,7 @@ def _peak_on_segment(segment: Segment, i: int, branch: Branch, event: AmplitudeP
     """Return the peak near point i; that point, marked as not located, if the peak is not found."""
     try:
         return event.find(segment)[0]
-    except (NoConvergence, np.linalg.LinAlgError):
+    except SOLVER_ERRORS:
         point = _point_with_tangent(branch, i, segment.scale, segment.b.u - segment.a.u)
         return LocatedEvent(event, 0.5, point, False, f"peak of {event.measure}")
 
@@ -235,7 +235,7 @@ class TracedPeakEvent(AmplitudePeakEvent):
         try:
             equations = peak_of(segment.problem, segment.name, self.measure, self.element)
             return [locate_by_newton(segment, self, equations, before / (before - after), note)]
-        except (NoConvergence, np.linalg.LinAlgError):
+        except SOLVER_ERRORS:
             return [locate_root(segment, self, lambda point: self._slope(segment.problem, point), note)]
 
     def _slope(self, problem: Any, point: CurvePoint) -> float:

@@ -25,7 +25,7 @@ from hbgear.continuation.numerics.linear import norm, solve_linear
 from hbgear.continuation.problem.base import ContinuationProblem, linearise
 from hbgear.continuation.problem.evaluation import AnyProblem
 from hbgear.continuation.problem.finite_differences import parameter_derivatives
-from hbgear.continuation.solvers.newton import NoConvergence
+from hbgear.continuation.solvers.newton import SOLVER_ERRORS
 
 SIMULTANEOUS_THRESHOLD = 1e-7
 """Distance from a threshold, relative to the motion, up to which another one is reached at the same point."""
@@ -226,7 +226,7 @@ class ThresholdEvent(BuiltInEvent):
                 distances = equations.distances(point.X, segment.parameters_at(point.value))
             return float(distances[equations.which])
 
-        with suppress(NoConvergence, np.linalg.LinAlgError):
+        with suppress(*SOLVER_ERRORS):
             return locate_by_newton(segment, self, equations, s, note)
         return locate_root(segment, self, test, note, self.root_tolerance)
 

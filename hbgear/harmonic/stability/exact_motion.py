@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from hbgear.common.arrays import Array
-from hbgear.continuation.solvers.newton import NoConvergence
+from hbgear.continuation.solvers.newton import SOLVER_ERRORS, NoConvergence
 from hbgear.harmonic.equations.motion import coordinates
 from hbgear.harmonic.instants.equations import Equations, EquationsAt
 from hbgear.harmonic.instants.pattern import InconsistentPatternError
@@ -114,7 +114,7 @@ def iterate_by_stiffness(balance: Callable[[System], Any], system: System, nu: i
         harder = min(1.0, factor * ratio)
         try:
             iterate = solve(Equations(system, nu, harder).at(Omega), iterate, False)[1]
-        except (NoConvergence, InconsistentPatternError, np.linalg.LinAlgError) as error:
+        except (*SOLVER_ERRORS, InconsistentPatternError) as error:
             ratio **= 0.5
             if ratio < MIN_STIFFNESS_RATIO:
                 message = (
@@ -132,7 +132,7 @@ def _softened_motion(balance: Callable[[System], Any], system: System, nu: int, 
         factor = SOFTENING**-power
         elements = [replace(element, law=_scaled(element.law, factor)) for element in system.elements]
         softer = balance(replace(system, elements=elements))
-        with suppress(NoConvergence, InconsistentPatternError, np.linalg.LinAlgError):
+        with suppress(*SOLVER_ERRORS, InconsistentPatternError):
             approximation = _approximation(softer, softer.start(Omega=Omega), {"Omega": Omega})[1]
             ode = Equations(system, nu, factor).at(Omega)
             return factor, solve(ode, initial(ode, approximation), False)[1]

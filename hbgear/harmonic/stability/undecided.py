@@ -19,15 +19,12 @@ from hbgear.continuation.numerics.linear import norm, solve_linear
 from hbgear.continuation.problem.base import linearise
 from hbgear.continuation.problem.work import Work
 from hbgear.continuation.results.stability import STABILITY_TOLERANCE
-from hbgear.continuation.solvers.newton import NoConvergence, solve
+from hbgear.continuation.solvers.newton import SEARCH_ERRORS, SOLVER_ERRORS, NoConvergence, solve
 from hbgear.harmonic.instants.equations import NotPiecewiseLinear
 from hbgear.harmonic.multipliers.multiplier_error import count_beyond, difference_of, estimate_multiplier_error
 from hbgear.harmonic.stability.exact_motion import refine_motion, refine_near_fold
 from hbgear.harmonic.stability.parity import Parity
 from hbgear.harmonic.stability.second_set import second_set
-
-_SOLVER_ERRORS = NoConvergence, np.linalg.LinAlgError, ValueError
-"""Errors of a solution with more harmonics."""
 
 MAX_REFINEMENTS = 3
 """Number of times that the harmonics are doubled at an undecided point."""
@@ -146,7 +143,7 @@ class UndecidedPoint:
                 if self.name != "Omega":
                     return None
                 exact = refine_near_fold(problem, X, self.parameters)
-        except (NotPiecewiseLinear, NoConvergence, np.linalg.LinAlgError):
+        except (*SOLVER_ERRORS, NotPiecewiseLinear):
             return None
         if exact.distance > MAX_EXACT_DISTANCE:
             return None
@@ -173,7 +170,7 @@ class UndecidedPoint:
                 return None
             try:
                 X, problem = solve(finer, finer.resized(X), dict(self.parameters)).X, finer
-            except _SOLVER_ERRORS:
+            except SEARCH_ERRORS:
                 return None
             exact = self.exact(problem, X)
             if exact is not None and exact.consistent:
@@ -194,7 +191,7 @@ class UndecidedPoint:
                 break
             try:
                 X, values[self.name] = nearest_solution(finer, finer.resized(X), self.name, values)
-            except _SOLVER_ERRORS:
+            except SEARCH_ERRORS:
                 break
             X, values[self.name] = self._at_fixed_parameter(finer, X, values[self.name])
             problem, coarse = finer, largest_modulus(stability.multipliers)
@@ -232,7 +229,7 @@ class UndecidedPoint:
                 motion = solve(problem, predicted, values).X
                 if not norm(motion - predicted) <= MAX_CORRECTION * problem.solution_norm(X):
                     return X, value
-        except _SOLVER_ERRORS:
+        except SEARCH_ERRORS:
             return X, value
         return motion, self.parameters[name]
 

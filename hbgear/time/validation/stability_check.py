@@ -12,7 +12,7 @@ from hbgear.common.deprecation import renamed_attributes
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point
 from hbgear.continuation.results.stability import STABILITY_TOLERANCE
-from hbgear.continuation.solvers.newton import NoConvergence
+from hbgear.continuation.solvers.newton import SEARCH_ERRORS
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.harmonic.multipliers.hill import hill_multipliers
 from hbgear.time.integration import start_state
@@ -131,7 +131,7 @@ def compare_multipliers(branch: Branch, point: int | str | Point) -> StabilityCo
         notes.append(str(error))
     try:
         orbit = shoot(problem.model.at(values), values["Omega"], start_state(problem, X, **values), problem.nu)
-    except (ValueError, NoConvergence, ArithmeticError, np.linalg.LinAlgError) as error:
+    except (*SEARCH_ERRORS, ArithmeticError) as error:
         notes.append(f"shooting: {error}")
     shooting = None if orbit is None else orbit.multipliers
     variational = problem.multipliers(X, None, None, **values) if motion.multipliers is None else motion.multipliers

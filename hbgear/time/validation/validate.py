@@ -40,7 +40,7 @@ from hbgear.continuation.problem.evaluation import AnyProblem
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import BIFURCATING, LANDINGS, Jump, Point
 from hbgear.continuation.results.stability import STABILITY_TOLERANCE
-from hbgear.continuation.solvers.newton import NewtonSettings, NoConvergence, solve
+from hbgear.continuation.solvers.newton import SOLVER_ERRORS, NewtonSettings, NoConvergence, solve
 from hbgear.continuation.tracing.jumps import DISTANCES_FROM_BRANCH_POINT, point_on_new_branch
 from hbgear.continuation.tracing.trace import trace
 from hbgear.harmonic.equations import layout as measures
@@ -342,7 +342,7 @@ def _comparison(
     closure = _closure(model, y, parameters["Omega"], problem.nu)
     try:
         orbit = shoot(model, parameters["Omega"], y, problem.nu, tolerance=10 * _INTEGRATION_TOLERANCE)
-    except (NoConvergence, ArithmeticError, np.linalg.LinAlgError):
+    except (*SOLVER_ERRORS, ArithmeticError):
         return _Comparison(problem.H, rows, mu, closure)
     return _Comparison(problem.H, rows, mu, closure, orbit, _growth(model, orbit))
 

@@ -22,7 +22,7 @@ import scipy
 
 from hbgear.common.ranges import Range
 from hbgear.continuation.results.status import Status
-from hbgear.continuation.solvers.newton import NoConvergence
+from hbgear.continuation.solvers.newton import SOLVER_ERRORS, NoConvergence
 from hbgear.continuation.stepping.control import StepControl
 from hbgear.harmonic.instants.corrector import CurveState, chord_passes
 from hbgear.harmonic.instants.pattern import InconsistentPatternError
@@ -147,7 +147,7 @@ class SpecialPointFollower:
                 motion = _reversed(motion) if _cosine(last, motion) < 0 else motion
                 if _cosine(last, motion) < MIN_COSINE_OF_STEP:
                     raise NoConvergence("the curve turns sharply", last.point.state.z, {}, [])
-            except (NoConvergence, InconsistentPatternError, np.linalg.LinAlgError) as error:
+            except (*SOLVER_ERRORS, InconsistentPatternError) as error:
                 self.step = 0.4 * length
                 if self.step < SMALLEST_STEP:
                     raise NoConvergence(f"{error}; the shortest step was tried", last.point.w, {}, []) from error
@@ -170,7 +170,7 @@ class SpecialPointFollower:
             return False
         try:
             point = self.motions.at_second(last, end, (end - last.point.second) / rate)
-        except (NoConvergence, InconsistentPatternError, np.linalg.LinAlgError):
+        except (*SOLVER_ERRORS, InconsistentPatternError):
             return False
         self._accept(replace(last, point=point), length)
         self._finish(end)
@@ -233,7 +233,7 @@ class SpecialPointFollower:
             ahead, behind = (self.motions.motion_at(after.point, d, after.basis, after.scale) for d in (step, -step))
             closing = self.motions.largest_distance(ahead, contacts) > self.motions.largest_distance(behind, contacts)
             self._accept(_reversed(after) if closing else after, 0.0)
-        except (NoConvergence, InconsistentPatternError, np.linalg.LinAlgError):
+        except (*SOLVER_ERRORS, InconsistentPatternError):
             self._end(Status.EVENT, f"the {self.kind} ends where its contact of {element.name} vanishes")
 
     # ---- acceptance
