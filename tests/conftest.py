@@ -45,7 +45,7 @@ def figures_are_closed():
 REGISTRIES = {
     "hbgear.mechanics.laws.registry": ("LAWS", "_BY_CLASS"),
     "hbgear.continuation.events.registry": ("EVENTS",),
-    "hbgear.harmonic.equations.layout": ("MEASURES",),
+    "hbgear.mechanics.series.measures": ("MEASURES",),
 }
 
 

@@ -10,11 +10,11 @@ import os
 import hbgear as hb
 from hbgear.cli.support import label_on_curve
 from hbgear.continuation.events.registry import optional_events
-from hbgear.harmonic.equations import layout as measures
 from hbgear.harmonic.models import model_registry
 from hbgear.io.branches.npz import read
 from hbgear.mechanics.fields import defaults_of, entries_among, kinds_of, parameters_of
 from hbgear.mechanics.model_lookup import installed
+from hbgear.mechanics.series import measures
 
 
 def models(incomplete: str) -> list[str]:

@@ -34,9 +34,10 @@ from hbgear.continuation.results.termination import raise_if_interrupted
 from hbgear.continuation.solvers.newton import SEARCH_ERRORS, NoConvergence
 from hbgear.continuation.tracing.trace import trace
 from hbgear.harmonic.bifurcations.peaks import peaks
-from hbgear.harmonic.equations.layout import Layout, check_measure
+from hbgear.harmonic.equations.layout import Layout
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.mechanics.plausibility import ImplausibleInputWarning
+from hbgear.mechanics.series.measures import check_measure
 
 GOAL_MARGIN = 1e-3
 """Smallest final value of c, so that the goal is reached in spite of the tolerance of the search."""

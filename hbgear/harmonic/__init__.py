@@ -15,8 +15,8 @@ if TYPE_CHECKING:  # imported when they are first used
     from hbgear.harmonic.bifurcations.neimark_sacker import NeimarkSackerProblem
     from hbgear.harmonic.bifurcations.period_doubling import PeriodDoublingProblem
     from hbgear.harmonic.contact_instants.problem import ContactInstants
-    from hbgear.harmonic.equations.layout import register_measure
     from hbgear.harmonic.harmonic_balance import HarmonicBalance
+    from hbgear.mechanics.series.measures import register_measure
 
 __all__ = [
     "AmplitudeExtremum",

@@ -22,8 +22,8 @@ from hbgear.continuation.results.branch import Branch
 from hbgear.harmonic.autonomous.backbone import AMPLITUDE
 from hbgear.harmonic.autonomous.mode_stability import BackboneStability
 from hbgear.harmonic.autonomous.tori.layout import TorusLayout
-from hbgear.harmonic.equations.layout import axis_text
 from hbgear.harmonic.models.frequency_units import model_of, scales_at
+from hbgear.mechanics.series.measures import axis_text
 from hbgear.plot.branch_sections import sections
 from hbgear.plot.style import BRANCHES, COLOURS, LINES, add_legend, axes_or_new, dress, dress_with_speeds, styled
 

@@ -24,8 +24,9 @@ from hbgear.common.text.messages import quoted
 from hbgear.continuation.events.event import Event
 from hbgear.continuation.results.point import SpecialPoint
 from hbgear.harmonic.bifurcations.events import KINDS
-from hbgear.harmonic.equations.layout import REGIMES, STICK_REGIME, Layout, motion_text
+from hbgear.harmonic.equations.layout import REGIMES, STICK_REGIME, Layout
 from hbgear.harmonic.models.frequency_units import MESH, PINION
+from hbgear.mechanics.series.measures import motion_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

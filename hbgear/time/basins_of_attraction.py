@@ -25,12 +25,13 @@ from hbgear.common.process.progress import Progress, ProgressCallback
 from hbgear.common.ranges import POSITIVE, checked, counted
 from hbgear.continuation.results.status import Status
 from hbgear.continuation.results.termination import Termination
+from hbgear.harmonic.equations.layout import element_index
 from hbgear.harmonic.structure.massless import mass_basis
 from hbgear.mechanics.models import Model, System
 from hbgear.mechanics.plausibility import check_frequency, check_model
 from hbgear.mechanics.series.fourier import real_numbers
 from hbgear.time.exponential.integrator import ExponentialIntegrator, StateBatch
-from hbgear.time.observation import index_of, observe
+from hbgear.time.observation import observe
 from hbgear.time.steady_state import OBSERVED, SteadyStateSettings, settle_into, unsettled
 
 _MAX_STARTS = 1_000_000
@@ -247,7 +248,7 @@ def _element(model: Model, system: System, element: int | str | None, plane: Arr
             f"{type(model).__name__} has {system.n} coordinates and {len(names)} elements: select one of "
             f"{', '.join(map(repr, names))} by element=0 to {len(names) - 1} or by name"
         )
-    return index_of(names, 0 if element is None else element)
+    return element_index(names, 0 if element is None else element)
 
 
 def _plane(

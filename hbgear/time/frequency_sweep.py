@@ -24,11 +24,12 @@ from hbgear.common.ranges import ANY, Range, checked
 from hbgear.common.text.messages import did_you_mean
 from hbgear.continuation.results.status import Status
 from hbgear.continuation.results.termination import Termination
-from hbgear.harmonic.equations import layout as measures
+from hbgear.harmonic.equations.layout import element_index
 from hbgear.mechanics.models import Model
 from hbgear.mechanics.plausibility import check_model
+from hbgear.mechanics.series import measures
 from hbgear.time.exponential.integrator import ExponentialIntegrator, StateBatch
-from hbgear.time.observation import HARMONICS, Observation, index_of, observe
+from hbgear.time.observation import HARMONICS, Observation, observe
 from hbgear.time.steady_state import FEWEST, OBSERVED, WINDOW, Settled, SteadyStateSettings, disturbed, lyapunov, settle
 
 _PERIODS_BEFORE_LYAPUNOV = 400
@@ -154,7 +155,7 @@ class Sweep:
 
     def index(self, element: int | str) -> int:
         """Return the index of an element, given by index or name."""
-        return index_of(self.elements, element)
+        return element_index(self.elements, element)
 
     def amplitude(self, measure: str = "rms", element: int | str = 0) -> Array:
         """Return a measure of the amplitude of each motion.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -79,30 +78,3 @@ def _extremum(d: Array, v: Array, h: float, sign: int) -> Array:
     correction = np.divide(-(v[rows, i] ** 2), 2 * acceleration, out=np.zeros(len(d)), where=sign * acceleration < 0)
     extremum: Array = d[rows, i] + correction
     return extremum
-
-
-def index_of(elements: Sequence[str], element: int | str) -> int:
-    """Return the index of an element, given by index or name.
-
-    Parameters
-    ----------
-    elements : sequence of str
-        Names of all elements.
-    element : int or str
-        Index or name of the element.
-
-    Returns
-    -------
-    int
-        Index of the element.
-
-    Raises
-    ------
-    KeyError
-        If there is no such element.
-    """
-    if isinstance(element, str) and element in elements:
-        return elements.index(element)
-    if not isinstance(element, str) and 0 <= element < len(elements):
-        return int(element)
-    raise KeyError(f"no element {element!r}; choose one of {', '.join(map(repr, elements))}, or its index from 0")

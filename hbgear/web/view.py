@@ -32,9 +32,10 @@ from hbgear.common.text.symbols import in_html, unit_of, without_unit
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point
 from hbgear.harmonic.bifurcations.events import named
-from hbgear.harmonic.equations.layout import Layout, default_measures, layout_of
+from hbgear.harmonic.equations.layout import Layout, layout_of
 from hbgear.harmonic.models.frequency_units import MESH, PINION, common_scales, length_scale, model_of
 from hbgear.io.branches.columns import bracketed, label_of
+from hbgear.mechanics.series.measures import default_measures
 from hbgear.plot.branch_sections import HEADROOM, bounded, sections
 from hbgear.plot.style import legend_entry
 

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 import hbgear as hb
-from hbgear.harmonic.equations import layout as measures
+from hbgear.mechanics.series import measures
 from studies import study
 from studies.dong_2022 import base
 

@@ -17,7 +17,7 @@ from hbgear.common.arrays import Array
 from hbgear.continuation.results.interpolation import crossings_at
 from hbgear.continuation.results.status import Status
 from hbgear.continuation.solvers.newton import solve
-from hbgear.harmonic.equations import layout as measures
+from hbgear.mechanics.series import measures
 from hbgear.mechanics.series.fourier import evaluate, resize, to_complex, to_real
 from hbgear.time.frequency_sweep import Sweep
 from hbgear.time.shooting import Orbit

@@ -30,7 +30,7 @@ import hbgear as hb
 from hbgear import plot as draw
 from hbgear.common.arrays import Array
 from hbgear.continuation.results.status import Status
-from hbgear.harmonic.equations import layout as measures
+from hbgear.mechanics.series import measures
 from hbgear.time.frequency_sweep import Sweep
 from hbgear.time.steady_state import SteadyStateSettings
 from studies import study

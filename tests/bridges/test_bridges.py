@@ -12,8 +12,8 @@ from pages import blocks, run_python
 import hbgear as hb
 from hbgear.continuation.results.interpolation import crossings_at
 from hbgear.continuation.solvers.newton import solve
-from hbgear.harmonic.equations.layout import half_peak_to_peak
 from hbgear.mechanics.series.fourier import evaluate, to_complex
+from hbgear.mechanics.series.measures import half_peak_to_peak
 from hbgear.time.integration import state_of
 
 

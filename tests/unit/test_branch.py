@@ -14,10 +14,10 @@ import hbgear as hb
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Jump, Point, SpecialPoint
 from hbgear.continuation.results.status import Status
-from hbgear.harmonic.equations import layout as measures
 from hbgear.harmonic.equations.layout import Layout
 from hbgear.io.branches import npz
 from hbgear.io.branches.npz import load
+from hbgear.mechanics.series import measures
 from hbgear.mechanics.series.fourier import evaluate, extrema
 from hbgear.time.integration import state_of
 

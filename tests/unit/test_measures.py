@@ -10,8 +10,8 @@ import hbgear as hb
 from hbgear import plot
 from hbgear.analysis import peaks
 from hbgear.harmonic import register_measure
-from hbgear.harmonic.equations import layout
-from hbgear.harmonic.equations.layout import MEASURES
+from hbgear.mechanics.series import measures
+from hbgear.mechanics.series.measures import MEASURES
 
 matplotlib.use("Agg")
 
@@ -23,7 +23,7 @@ def two_norm(X):
 
 def crest(X):
     """Largest magnitude over the rms value of the alternating part."""
-    return layout.largest(X) / layout.rms(X)
+    return measures.largest(X) / measures.rms(X)
 
 
 @pytest.fixture(scope="module")
@@ -117,14 +117,14 @@ def test_tables_contain_the_default_measures(curve, tmp_path):
 
 def test_units():
     assert MEASURES["rms"].unit_for("um") == "um" and MEASURES["crest"].unit_for("um") == "-"
-    assert layout.Measure("power", two_norm, "power", dimension=2).unit_for("um") == "um^2"
-    assert layout.Measure("level", two_norm, "level", unit="dB").unit_for("um") == "dB"
-    assert layout.axis_text("crest", "$d$ [um], gap L") == "crest factor of $d$, gap L [-]"
-    assert layout.axis_text("H2", "$d$ [um]") == "harmonic 2 of $d$ [um]"
+    assert measures.Measure("power", two_norm, "power", dimension=2).unit_for("um") == "um^2"
+    assert measures.Measure("level", two_norm, "level", unit="dB").unit_for("um") == "dB"
+    assert measures.axis_text("crest", "$d$ [um], gap L") == "crest factor of $d$, gap L [-]"
+    assert measures.axis_text("H2", "$d$ [um]") == "harmonic 2 of $d$ [um]"
 
 
 def test_registration():
-    with pytest.raises(ValueError, match=r"the name 'rms' belongs to .*layout\.rms; give another one"):
+    with pytest.raises(ValueError, match=r"the name 'rms' belongs to .*measures\.rms; give another one"):
         register_measure(two_norm, name="rms")
     with pytest.raises(ValueError, match=r"the name 'size' belongs to .*two_norm"):
         register_measure(crest, name="size")

@@ -133,7 +133,7 @@ def test_no_such_measure(duffing):
         peaks(duffing, "rsm")
     with pytest.raises(ValueError, match="no harmonic 'H2' among H = 1"):
         peaks(duffing, "H2")
-    with pytest.raises(KeyError, match="no element 'gap'; there are 'x'"):
+    with pytest.raises(KeyError, match="no element 'gap'; choose one of 'x'"):
         peaks(duffing, "rms", "gap")
 
 

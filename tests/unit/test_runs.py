@@ -7,8 +7,8 @@ import pytest
 from machines import gear_pair
 
 import hbgear as hb
-from hbgear.harmonic.equations.layout import derivative
 from hbgear.mechanics.series.fourier import evaluate
+from hbgear.mechanics.series.measures import derivative
 from hbgear.time.integration import state_of
 
 

@@ -25,7 +25,7 @@ from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point
 from hbgear.harmonic.autonomous.backbone import AMPLITUDE
 from hbgear.harmonic.autonomous.tori.layout import TorusLayout
-from hbgear.harmonic.equations.layout import MEASURES, Layout, axis_text, is_measure, layout_of, motion_text
+from hbgear.harmonic.equations.layout import Layout, layout_of
 from hbgear.harmonic.models.frequency_units import (
     MESH,
     PINION,
@@ -36,6 +36,7 @@ from hbgear.harmonic.models.frequency_units import (
     scales,
 )
 from hbgear.mechanics.models import Model
+from hbgear.mechanics.series.measures import MEASURES, axis_text, is_measure, motion_text
 from hbgear.mechanics.structures.scales import Numbers
 
 SHORT_NAMES = {"dte": "dte, half peak-to-peak", "force": "force, largest", "acceleration": "acceleration, rms"}

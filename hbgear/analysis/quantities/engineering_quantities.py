@@ -33,7 +33,6 @@ from hbgear.common.atomic_write import atomic_write
 from hbgear.common.text.messages import quoted
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point, dof_index
-from hbgear.harmonic.equations.layout import derivative, half_peak_to_peak, rms
 from hbgear.harmonic.forces.breakpoints import gap_samples
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.harmonic.models.frequency_units import length_scale, speeds_at
@@ -41,6 +40,7 @@ from hbgear.harmonic.models.model_registry import rebuild_problem
 from hbgear.mechanics.laws.mesh_contacts import MeshContacts
 from hbgear.mechanics.models import Reaction
 from hbgear.mechanics.series.fourier import evaluate, stretch, to_complex, to_real
+from hbgear.mechanics.series.measures import derivative, half_peak_to_peak, rms
 
 REFERENCE = 1e-6
 """Reference acceleration of 0 dB [m/s^2], as of ISO 1683."""

@@ -20,9 +20,9 @@ from hbgear.common.ranges import counted
 from hbgear.common.text.messages import quoted
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point, dof_index
-from hbgear.harmonic.equations.layout import derivative
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.harmonic.models.frequency_units import model_of
+from hbgear.mechanics.series.measures import derivative
 
 LOWEST_LEVEL_RATIO = 1e-15
 """Value over the reference below which the level remains -300 dB: a harmonic that is zero has no level."""

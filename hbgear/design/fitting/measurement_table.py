@@ -12,10 +12,10 @@ from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.text.decoding import bytes_of_file
 from hbgear.common.text.messages import did_you_mean, quoted
 from hbgear.design.fitting.measurements import FREQUENCIES, Measurements
-from hbgear.harmonic.equations.layout import BUILT_IN_MEASURES
 from hbgear.harmonic.models.frequency_units import MESH, PINION
 from hbgear.io.tables.table_reader import Column, Kind, data_table, normal, split
 from hbgear.io.tables.table_units import FREQUENCY, factor_of
+from hbgear.mechanics.series.measures import BUILT_IN_MEASURES
 
 _DIRECTIONS = {"up": 1, "rising": 1, "+1": 1, "1": 1, "+": 1, "down": -1, "falling": -1, "-1": -1, "-": -1}
 _SPEEDS = ("n", "speed", "pinion speed", "rotational speed", "shaft speed")

@@ -17,8 +17,8 @@ from hbgear.common.argument_checks import check_fields
 from hbgear.common.arrays import Array
 from hbgear.common.text.messages import did_you_mean, quoted
 from hbgear.common.units import to_si
-from hbgear.harmonic.equations.layout import check_displacement
 from hbgear.harmonic.models.frequency_units import MESH, PINION
+from hbgear.mechanics.series.measures import check_displacement
 
 FREQUENCIES = ("Omega", MESH, PINION)
 """Units of frequencies: Omega of the model, mesh frequency in Hz, and speed of the pinion in r/min."""

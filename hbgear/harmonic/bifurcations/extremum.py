@@ -28,8 +28,8 @@ from hbgear.continuation.numerics.linear import Factors, bordered, norm
 from hbgear.continuation.problem.base import linearise
 from hbgear.continuation.problem.evaluation import AnyProblem
 from hbgear.continuation.problem.finite_differences import STEP, directional_step, parameter_derivatives
-from hbgear.harmonic.equations.layout import BUILT_IN_MEASURES, MEASURES, check_peaks
 from hbgear.mechanics.series.fourier import extrema, to_real
+from hbgear.mechanics.series.measures import BUILT_IN_MEASURES, MEASURES, check_peaks
 
 
 class AmplitudeExtremum(MinimallyAugmentedProblem):

@@ -22,7 +22,8 @@ from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import SpecialPoint
 from hbgear.continuation.solvers.newton import SOLVER_ERRORS, NewtonSettings, NoConvergence, Solution, on_curve, solve
 from hbgear.harmonic.bifurcations.extremum import peak_of
-from hbgear.harmonic.equations.layout import Layout, check_peaks, layout_of
+from hbgear.harmonic.equations.layout import Layout, layout_of
+from hbgear.mechanics.series.measures import check_peaks
 
 # ---- on a finished curve
 

@@ -16,8 +16,9 @@ from hbgear.analysis.summary import describe_changes
 from hbgear.common.text.symbols import unit_of, without_unit
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import name_of_regime
-from hbgear.harmonic.equations.layout import Layout, default_measures, layout_of
+from hbgear.harmonic.equations.layout import Layout, layout_of
 from hbgear.harmonic.models.frequency_units import MESH, PINION, model_of, speeds_at
+from hbgear.mechanics.series.measures import default_measures
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,8 +10,9 @@ from hbgear.common.optional import needed
 from hbgear.common.text.symbols import unit_of, without_unit
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.stability import STABILITY_STATES
-from hbgear.harmonic.equations.layout import default_measures, layout_of
+from hbgear.harmonic.equations.layout import layout_of
 from hbgear.io.branches.columns import Column, about, columns_of, label_of, terms_of
+from hbgear.mechanics.series.measures import default_measures
 
 if TYPE_CHECKING:
     import pandas

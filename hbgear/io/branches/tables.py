@@ -20,9 +20,9 @@ from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.branch_data import saved_fields
 from hbgear.continuation.results.point import SpecialPoint
 from hbgear.continuation.results.status import Status
-from hbgear.harmonic.equations.layout import default_measures
 from hbgear.io.branches.columns import Column, about, bracketed, columns_of, speeds_of
 from hbgear.io.branches.npz import encode
+from hbgear.mechanics.series.measures import default_measures
 
 
 def export(branch: Branch, path: str | os.PathLike[str]) -> None:

@@ -14,7 +14,8 @@ from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.ranges import POSITIVE, checked
 from hbgear.common.text.messages import quoted
 from hbgear.design.uncertainty.uncertainty_band import ResponseBand, ellipse_contact
-from hbgear.harmonic.equations.layout import axis_text, layout_of
+from hbgear.harmonic.equations.layout import layout_of
+from hbgear.mechanics.series.measures import axis_text
 from hbgear.plot.branch_sections import HEADROOM, bounded, sections
 from hbgear.plot.curves import name_axes
 from hbgear.plot.style import COLOURS, LINES, SPEEDS, add_legend, axes_or_new, dress, in_words, styled

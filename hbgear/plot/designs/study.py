@@ -17,8 +17,8 @@ from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.design.studies.case_results import Cases
 from hbgear.design.studies.sweep_statistics import SweepResponses, sweep_responses
-from hbgear.harmonic.equations.layout import axis_text, motion_text
 from hbgear.harmonic.models.frequency_units import MESH, PINION
+from hbgear.mechanics.series.measures import axis_text, motion_text
 from hbgear.plot.branch_sections import HEADROOM
 from hbgear.plot.style import COLOURS, axes_or_new, dress, dress_with_speeds, heighten, new_figure, scaled_axes, styled
 

@@ -11,10 +11,11 @@ from hbgear.analysis.quantities.axis_quantities import MICROMETRE, OmegaAxis, fa
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.continuation.results.branch import Branch
-from hbgear.harmonic.equations.layout import axis_text, layout_of
+from hbgear.harmonic.equations.layout import layout_of
 from hbgear.harmonic.models.frequency_units import length_scale, model_of, scales
 from hbgear.mechanics.models import Model
 from hbgear.mechanics.series.fourier import evaluate
+from hbgear.mechanics.series.measures import axis_text
 from hbgear.plot.branch_sections import sections
 from hbgear.plot.curves import response
 from hbgear.plot.style import GREY, add_legend, axes_or_new, dress_with_speeds, styled

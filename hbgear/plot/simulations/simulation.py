@@ -22,9 +22,9 @@ from hbgear.analysis.quantities.axis_quantities import (
 )
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.continuation.results.branch import Branch
-from hbgear.harmonic.equations.layout import axis_text, motion_text
 from hbgear.harmonic.models.frequency_units import length_scale, model_of, scales
 from hbgear.mechanics.models import Model
+from hbgear.mechanics.series.measures import axis_text, motion_text
 from hbgear.plot.curves import response
 from hbgear.plot.style import (
     COLOURS,

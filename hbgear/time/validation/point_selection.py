@@ -14,7 +14,7 @@ from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import SpecialPoint
 from hbgear.harmonic.autonomous.backbone import BackboneProblem
 from hbgear.harmonic.autonomous.limit_cycle import LimitCycleProblem
-from hbgear.harmonic.equations import layout as measures
+from hbgear.harmonic.equations.layout import layout_of
 from hbgear.harmonic.models.model_registry import is_description, rebuild_problem
 from hbgear.mechanics.models import describe, differing_fields
 
@@ -55,7 +55,7 @@ def problem_for(branch: Branch, problem: Any = None) -> Any:
     ValueError, KeyError
         If the branch does not contain periodic motions, or the problem does not fit it.
     """
-    layout = measures.layout_of(branch)
+    layout = layout_of(branch)
     if layout is None or "Omega" not in branch.parameters_at(0):
         raise ValueError(
             "only curves of periodic motions with harmonics and a frequency can be validated; give such a curve"

@@ -43,8 +43,8 @@ from hbgear.continuation.results.stability import STABILITY_TOLERANCE
 from hbgear.continuation.solvers.newton import SOLVER_ERRORS, NewtonSettings, NoConvergence, solve
 from hbgear.continuation.tracing.jumps import DISTANCES_FROM_BRANCH_POINT, point_on_new_branch
 from hbgear.continuation.tracing.trace import trace
-from hbgear.harmonic.equations import layout as measures
 from hbgear.harmonic.structure.linear_structure import LinearStructure
+from hbgear.mechanics.series import measures
 from hbgear.mechanics.series.fourier import to_complex
 from hbgear.time.integration import start_state
 from hbgear.time.jump_integration import JumpOutcome, jump_ends, landings_of
