@@ -345,10 +345,7 @@ _ARROW_TIP_FRACTION = 0.995
 """Fraction of the height of the axes at which an arrow ends, so that its tip is inside."""
 
 
-def name_axes(
-    ax: Axes, branch: Branch, measure: str, element: int | str, dof: int | str | None = None,
-    dimensionless: bool = True,
-) -> None:  # fmt: skip
+def name_axes(ax: Axes, branch: Branch, measure: str, element: int | str, dimensionless: bool = True) -> None:
     """Set the axis labels: the parameter of a branch, and a measure or an engineering quantity with its unit.
 
     Parameters
@@ -361,8 +358,6 @@ def name_axes(
         Measure of amplitude or name of an engineering quantity, see `response`.
     element : int or str
         Element by number or name.
-    dof : int or str, optional
-        Coordinate of the model, for quantities such as "acceleration, level".
     dimensionless : bool, optional
         Whether the axes are Omega and the amplitude in the unit of the model; default True.
 
@@ -375,7 +370,7 @@ def name_axes(
     >>> axes.get_ylabel()
     'alternating rms of $x$ [-]'
     """
-    _name(ax, branch, Abscissa([branch], dimensionless), Ordinate(measure, element, dof, dimensionless))
+    _name(ax, branch, Abscissa([branch], dimensionless), Ordinate(measure, element, None, dimensionless))
 
 
 def _name(ax: Axes, branch: Branch, abscissa: Abscissa, height: Ordinate) -> None:

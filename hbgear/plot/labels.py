@@ -254,13 +254,13 @@ def _is_curve(line: Line2D) -> bool:
     return line.get_linestyle() != "None" and len(np.asarray(line.get_xdata())) > 1 and line.get_visible()
 
 
-def _resampled(path: Array, step: float = 3.0) -> Array:
-    """Return points along a line, at most ``step`` pixels apart; long lines across the whole figure included."""
+def _resampled(path: Array) -> Array:
+    """Return points along a line, at most 3 pixels apart; long lines across the whole figure included."""
     path = np.asarray(path)[np.isfinite(path).all(axis=1)]
     if len(path) < 2:
         return path
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(path, axis=0).T))])
-    distances = np.linspace(0.0, along[-1], min(int(along[-1] / step) + 2, 20_000))
+    distances = np.linspace(0.0, along[-1], min(int(along[-1] / 3.0) + 2, 20_000))
     return np.stack([np.interp(distances, along, path[:, 0]), np.interp(distances, along, path[:, 1])], axis=1)
 
 

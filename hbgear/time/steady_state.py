@@ -106,10 +106,7 @@ class Settled:
 
 
 def settle(
-    integrator: ExponentialIntegrator,
-    motions: StateBatch,
-    settling: SteadyStateSettings = SteadyStateSettings(),
-    progress: Callable[[int, int], None] | None = None,
+    integrator: ExponentialIntegrator, motions: StateBatch, settling: SteadyStateSettings = SteadyStateSettings()
 ) -> Settled:
     """Integrate motions from tau = 0 until each is settled, in place.
 
@@ -121,8 +118,6 @@ def settle(
         Motions; replaced by their states at the end.
     settling : SteadyStateSettings, optional
         Conditions under which a motion is settled.
-    progress : callable, optional
-        Called as ``progress(periods, settled)`` after each test.
 
     Returns
     -------
@@ -130,7 +125,7 @@ def settle(
         Period, number of integrated periods and remaining distance of each motion.
     """
     out = unsettled(len(motions.d), settling)
-    settle_into(out, integrator, motions, settling, progress)
+    settle_into(out, integrator, motions, settling, None)
     return out
 
 

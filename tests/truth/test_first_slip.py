@@ -127,10 +127,10 @@ def test_derivative_of_the_margin(make, offset):
         X.reshape(problem.m, -1)[0, 0] -= offset
         for which in range(len(problem.slider_names)):
             value, rows = problem.threshold("slip", X, which, Omega=1.1)
-            assert value == pytest.approx(problem.slip_margins(X, Omega=1.1)[which], abs=1e-14)
+            assert value == pytest.approx(problem.threshold_distances("slip", X, Omega=1.1)[which], abs=1e-14)
             for i in range(problem.size):
                 step = 1e-6 * np.eye(problem.size)[i]
-                up, down = (problem.slip_margins(X + side * step, Omega=1.1)[which] for side in (1, -1))
+                up, down = (problem.threshold_distances("slip", X + side * step, Omega=1.1)[which] for side in (1, -1))
                 assert rows.ravel()[i] == pytest.approx((up - down) / 2e-6, abs=1e-7)
 
 
@@ -197,7 +197,9 @@ def test_few_points_lead_to_a_corner():
     curve = hb.trace(problem, "Omega", (1.45, 1.6), stability=False, special=False, accuracy=None)
     direction = np.diff(curve.X, axis=0) / np.linalg.norm(np.diff(curve.X, axis=0), axis=1)[:, None]
     corner = curve.values[1 + np.argmin(np.sum(direction[1:] * direction[:-1], axis=1))]
-    slipping = np.array([problem.slip_margins(X, Omega=w)[1] > 0 for X, w in zip(curve.X, curve.values, strict=True)])
+    slipping = np.array(
+        [problem.threshold_distances("slip", X, Omega=w)[1] > 0 for X, w in zip(curve.X, curve.values, strict=True)]
+    )
     assert slipping[0] != slipping[-1] and abs(corner - 1.5745) < 1e-4
     assert np.count_nonzero(np.abs(curve.values - corner) < 3e-4) <= 6  # 12 with shrinking and growing steps
 

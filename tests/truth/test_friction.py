@@ -174,7 +174,7 @@ def test_a_curve_through_first_slip():
     slips = [point for point in curve.special if point.kind == "SL"]
     assert len(slips) == 2 and [point.note for point in slips] == ["x", "x"]
     for point in slips:
-        assert abs(curve.problem.slip_margins(point.X, **point.parameters)[0]) < 1e-10
+        assert abs(curve.problem.threshold_distances("slip", point.X, **point.parameters)[0]) < 1e-10
         # a linear oscillator of stiffness 2 whose amplitude is limit / k
         W = point.parameters["Omega"]
         assert 0.06 / np.hypot(2.0 - W**2, 0.02 * W) == pytest.approx(0.1, rel=1e-9)

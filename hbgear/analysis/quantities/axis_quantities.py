@@ -48,8 +48,8 @@ DTE = "dte, half peak-to-peak"
 QUANTITIES = (*SHORT_NAMES, *SHORT_NAMES.values(), "dynamic factor", "force, static", "acceleration, level")
 """Names of engineering quantities that may be shown instead of an amplitude."""
 
-SPEED_LABEL, MESH_LABEL = "speed of the pinion [r/min]", "mesh frequency [Hz]"
-"""Labels of axes of frequencies in physical units."""
+SPEED_LABEL = "speed of the pinion [r/min]"
+"""Label of an axis of frequencies in physical units."""
 
 MICROMETRE = "um"
 """Unit of lengths in tables; figures have the sign of micro."""

@@ -9,7 +9,7 @@ MOST_BYTES = 32 << 20
 """Size [bytes] above which a text file is refused: input files that a person writes are smaller."""
 
 
-def bytes_of_file(path: str | os.PathLike[str], kind: str, max_size: int = MOST_BYTES) -> bytes:
+def bytes_of_file(path: str | os.PathLike[str], kind: str) -> bytes:
     """Return the bytes of a regular file; pipes and devices, which may never end, are not opened.
 
     Parameters
@@ -18,8 +18,6 @@ def bytes_of_file(path: str | os.PathLike[str], kind: str, max_size: int = MOST_
         The file.
     kind : str
         Content that is expected, for messages, such as "a study".
-    max_size : int, optional
-        Size in bytes above which the file is refused. The default is 32 MiB.
 
     Returns
     -------
@@ -37,15 +35,15 @@ def bytes_of_file(path: str | os.PathLike[str], kind: str, max_size: int = MOST_
         if not stat.S_ISREG(mode) and not stat.S_ISDIR(mode):
             raise ValueError(f"{refused}: it is a pipe, a device or a socket; need a regular file")
         with open(path, "rb") as handle:
-            content = handle.read(max_size + 1)  # files of /proc have no size
+            content = handle.read(MOST_BYTES + 1)  # files of /proc have no size
     except OSError as error:
         raise ValueError(f"{refused}: {error.strerror}") from None
     except ValueError as error:
         if "null byte" in str(error):
             raise ValueError(f"{str(path)!r} is no name of a file: it has a null character") from None
         raise
-    if len(content) > max_size:
-        raise ValueError(f"{refused}: it has more than {max_size / 2**20:g} MiB; need a smaller file")
+    if len(content) > MOST_BYTES:
+        raise ValueError(f"{refused}: it has more than {MOST_BYTES / 2**20:g} MiB; need a smaller file")
     return content
 
 

@@ -33,10 +33,16 @@ def same_solution(X: Array, Y: Array) -> bool:
     return float(np.linalg.norm(X - Y)) < 1e-6 * (1e-3 + float(np.linalg.norm(Y)))
 
 
+_TOLERANCE = NewtonSettings().tolerance
+"""Relative residual of a solution."""
+
+_MAX_ITERATIONS = 60
+"""Largest number of iterations: deflated residuals decrease slowly as long as a known solution is near."""
+
+
 def deflated_newton(
-    problem: ContinuationProblem, X: Array, parameters: dict[str, float], solutions: list[Array],
-    settings: NewtonSettings = NewtonSettings(), iterations: int = 60,
-) -> Array | None:  # fmt: skip
+    problem: ContinuationProblem, X: Array, parameters: dict[str, float], solutions: list[Array]
+) -> Array | None:
     """Return a solution other than the known ones.
 
     Parameters
@@ -49,10 +55,6 @@ def deflated_newton(
         All parameters of the problem.
     solutions : list of ndarray, shape (n,)
         Known solutions.
-    settings : NewtonSettings, optional
-        Tolerance of the residual.
-    iterations : int, optional
-        Maximum number of iterations. The default is 60.
 
     Returns
     -------
@@ -61,8 +63,8 @@ def deflated_newton(
     """
     scale = max([float(np.linalg.norm(Y)) for Y in solutions] + [1e-6])
     evaluation = problem.linearise(X, "", **parameters)
-    for _ in range(iterations):
-        if float(np.linalg.norm(evaluation.R)) <= settings.tolerance * evaluation.size:
+    for _ in range(_MAX_ITERATIONS):
+        if float(np.linalg.norm(evaluation.R)) <= _TOLERANCE * evaluation.size:
             return None if any(same_solution(X, Y) for Y in solutions) else X
         try:
             step = -solve_linear(evaluation.dR_dX, evaluation.R)

@@ -38,13 +38,7 @@ class _Homotopy(ContinuationProblem):
         return Evaluation(evaluation.R - (1 - parameters["s"]) * self.R0, evaluation.dR_dX, self.R0, evaluation.size)
 
 
-def newton_homotopy(
-    problem: Any,
-    X: Array,
-    parameters: Mapping[str, float],
-    settings: NewtonSettings = NewtonSettings(),
-    steps: int = 300,
-) -> Solution:
+def newton_homotopy(problem: Any, X: Array, parameters: Mapping[str, float]) -> Solution:
     """Return a solution at fixed parameters from a poor start, along a Newton homotopy.
 
     The path R(X) = (1 - s) R(X0) is followed from s = 0 to 1 by arclength, through its folds.
@@ -57,10 +51,6 @@ def newton_homotopy(
         Start X0.
     parameters : mapping of str to float
         All parameters of the problem.
-    settings : NewtonSettings, optional
-        Settings of the solution at s = 1.
-    steps : int, optional
-        Maximum number of steps along the path. The default is 300.
 
     Returns
     -------
@@ -70,18 +60,13 @@ def newton_homotopy(
     Raises
     ------
     NoConvergence
-        If the path does not reach s = 1 within this number of steps.
+        If the path does not reach s = 1.
     """
-    return solve_along(_Homotopy(as_problem(problem), X, parameters), problem, X, parameters, settings, steps)
+    return solve_along(_Homotopy(as_problem(problem), X, parameters), problem, X, parameters)
 
 
 def solve_along(
-    path: ContinuationProblem,
-    problem: Any,
-    X: Array,
-    parameters: Mapping[str, float],
-    settings: NewtonSettings = NewtonSettings(),
-    steps: int = 300,
+    path: ContinuationProblem, problem: Any, X: Array, parameters: Mapping[str, float], steps: int = 300
 ) -> Solution:
     """Return the solution at the end s = 1 of a path, which is followed by arclength, through its folds.
 
@@ -95,8 +80,6 @@ def solve_along(
         Solution of the path at s = 0.
     parameters : mapping of str to float
         All parameters of the problem.
-    settings : NewtonSettings, optional
-        Settings of the solution at s = 1.
     steps : int, optional
         Maximum number of steps along the path. The default is 300.
 
@@ -131,7 +114,7 @@ def solve_along(
             continue
         if point.value >= 1.0:
             fraction = (1.0 - u[-1]) / (point.value - u[-1])
-            return solve(problem, u[:-1] + fraction * (point.X - u[:-1]), parameters, settings=settings)
+            return solve(problem, u[:-1] + fraction * (point.X - u[:-1]), parameters)
         u, normal, h = np.append(point.X, point.value), n, min(0.3, h * (1.6 if point.iterations <= 3 else 1.0))
     raise NoConvergence(
         f"the homotopy found no path from the start to a solution at {describe(parameters)}", X, parameters, []

@@ -128,9 +128,7 @@ class Solution:
     residual: float
 
 
-def solution_at(
-    problem: ContinuationProblem, u: Array, name: str, parameters: Mapping[str, float], iterations: int = 0
-) -> Solution:
+def solution_at(problem: ContinuationProblem, u: Array, name: str, parameters: Mapping[str, float]) -> Solution:
     """Return the solution at a known position, with its evaluation.
 
     Parameters
@@ -143,8 +141,6 @@ def solution_at(
         The parameter.
     parameters : mapping of str to float
         The other parameters.
-    iterations : int, optional
-        Number of iterations to be stored. The default is 0.
 
     Returns
     -------
@@ -152,7 +148,7 @@ def solution_at(
         The solution.
     """
     evaluation = linearise(problem, u[:-1], name, {**parameters, name: float(u[-1])})
-    return Solution(u[:-1], float(u[-1]), evaluation, iterations, norm(evaluation.R) / evaluation.size)
+    return Solution(u[:-1], float(u[-1]), evaluation, 0, norm(evaluation.R) / evaluation.size)
 
 
 def on_curve(solution: Solution) -> Solution:

@@ -115,16 +115,6 @@ class PeriodicMotions(HarmonicEquations):
         """
         return self.threshold_distances("clearance", X, **parameters)
 
-    @checked_arguments()
-    def slip_margins(self, X: Array, **parameters: float) -> Array:
-        """Return, for each friction slider, the range of its displacement minus 2 limit / k: positive if it slips."""
-        return self.threshold_distances("slip", X, **parameters)
-
-    @checked_arguments()
-    def edge_extremes(self, X: Array, **parameters: float) -> Array:
-        """Return the lowest and highest values of the edges of vector laws: zero where contact grazes."""
-        return self.threshold_distances("edge", X, **parameters)
-
     def threshold_distances(self, kind: str, X: Array, **parameters: float) -> Array:
         """Return the distances of a motion from its thresholds of a kind: "clearance", "slip" or "edge"."""
         if "Omega" in parameters:  # clearances do not depend on it
@@ -148,7 +138,7 @@ class PeriodicMotions(HarmonicEquations):
 
     @property
     def slider_names(self) -> tuple[str, ...]:
-        """Meaning of each entry of `slip_margins`: the names of the sliders."""
+        """Names of the friction sliders."""
         return self.threshold_names("slip")
 
     @property

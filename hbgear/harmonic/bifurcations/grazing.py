@@ -66,7 +66,8 @@ class GrazingProblem(ThresholdProblem):  # numpydoc ignore=PR02
 class EdgeProblem(ThresholdProblem):
     """Grazing contacts (GR) of a vector law, such as a radial clearance: an extremum of an edge function is zero.
 
-    Parameters are the same as for `ThresholdProblem`; ``which`` is an index into ``problem.edge_extremes``.
+    Parameters are the same as for `ThresholdProblem`; ``which`` is an index into the distances
+    ``problem.threshold_distances("edge", X)``.
     """
 
     quantity = "edge"

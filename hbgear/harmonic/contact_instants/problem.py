@@ -345,7 +345,7 @@ class ContactInstants(HarmonicBalance):
         assert failure is not None
         raise failure
 
-    def _traced_curve(self, span: tuple[float, float], start: Any, settings: Any, softer: bool = False) -> Branch:
+    def _traced_curve(self, span: tuple[float, float], start: Any, settings: Any, softer: bool) -> Branch:
         """Return one curve of exact motions, with its jumps; ``softer``: its first motion by softer contacts."""
         setup = set_up(self, settings, span, start, work=Work(math.inf))
         state, direction = self._first_state(setup, start, softer)

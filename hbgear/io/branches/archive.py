@@ -107,10 +107,10 @@ class Archive:
             return content
 
 
-def too_deep(tree: Any, max_depth: int = 100) -> bool:
-    """Return whether lists and objects are nested deeper than ``max_depth`` levels, which recursion cannot follow."""
+def too_deep(tree: Any) -> bool:
+    """Return whether lists and objects are nested deeper than 100 levels, which recursion cannot follow."""
     level = [tree]
-    for _ in range(max_depth):
+    for _ in range(100):
         level = [
             inner
             for node in level

@@ -104,9 +104,7 @@ def growth_rates(integrator: ExponentialIntegrator, motions: StateBatch, periods
     return out
 
 
-def equal_digits(
-    integrator: ExponentialIntegrator, motions: StateBatch, lag: np.ndarray, periods: int = AVERAGED
-) -> tuple[Array, Array]:
+def equal_digits(integrator: ExponentialIntegrator, motions: StateBatch, lag: np.ndarray) -> tuple[Array, Array]:
     """Return the equal digits of two weighted averages, and the change of the returns between the two sections.
 
     Parameters
@@ -117,8 +115,6 @@ def equal_digits(
         Motions; replaced by their states at the end.
     lag : ndarray of int, shape (B,)
         Likely period of each motion.
-    periods : int, optional
-        Number of excitation periods of each section. Default: 1000.
 
     Returns
     -------
@@ -129,16 +125,16 @@ def equal_digits(
     """
     count = len(motions.d)
     digits, change = np.empty(count), np.empty(count)
-    block = max(1, _MEMORY // (2 * periods * motions.zeta.shape[1]))
-    w = birkhoff_weights(periods)
+    block = max(1, _MEMORY // (2 * AVERAGED * motions.zeta.shape[1]))
+    w = birkhoff_weights(AVERAGED)
     for first in range(0, count, block):
         batch = np.arange(first, min(first + block, count))
         selected, part = motions.select(batch), integrator.select(batch)
-        states = np.empty((2 * periods, *selected.zeta.shape))
+        states = np.empty((2 * AVERAGED, *selected.zeta.shape))
         part.stroboscopic_map(selected, states)
         motions.replace(batch, selected)
         x = states * part.weights()
-        first_half, second_half = x[:periods], x[periods:]
+        first_half, second_half = x[:AVERAGED], x[AVERAGED:]
         size = np.sqrt(np.mean(np.sum((x - x.mean(axis=0)) ** 2, axis=-1), axis=0))
         distance = np.linalg.norm(np.einsum("p,pbq->bq", w, first_half - second_half), axis=-1)
         digits[batch] = -np.log10(np.maximum(distance, 1e-16 * size) / np.maximum(size, 1e-300))
