@@ -42,6 +42,22 @@ def gear_pair(teeth=(25, 40), **fields):
     return hb.GearPair(*(hb.gears.Gear(z, "3 mm", "20 mm", **fields) for z in teeth), backlash="80 um")
 
 
+@dataclass(frozen=True)
+class VanDerPol(hb.mechanics.Law):
+    """Negative damping of small motions: eps (d^2 - 1) v."""
+
+    eps: float = 0.2
+
+    def force(self, d, v, tau):
+        return self.eps * (d**2 - 1) * v, 2 * self.eps * d * v, self.eps * (d**2 - 1)
+
+
+@hb.mechanics.model
+def van_der_pol(eps: float = 0.2, damping: float = 0.0) -> hb.System:
+    """The van der Pol oscillator."""
+    return hb.System([[1.0]], [[damping]], [[1.0]], [hb.Element([1.0], VanDerPol(eps))])
+
+
 def two_masses(F=0.13, ground=None, link=None):
     """Two masses whose response is quasi-periodic between the Neimark-Sacker points 1.1153 and 1.2513."""
     C, K = [[0.015, -0.013], [-0.013, 0.013]], [[1.0453, -0.0453], [-0.0453, 0.0453]]

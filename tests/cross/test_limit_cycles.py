@@ -1,26 +1,18 @@
 """Neimark-Sacker points of limit cycles against multipliers by integration."""
 
 import dataclasses
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 import pytest
 import scipy
+from machines import VanDerPol, van_der_pol
 
 import hbgear as hb
 from hbgear.continuation.solvers.newton import solve
 from hbgear.harmonic.autonomous.cycle_events import CycleDoublingEvent, CycleTorusEvent
 
 MU, ZETA = 0.05, 0.05
-
-
-@dataclass(frozen=True)
-class VanDerPol(hb.mechanics.Law):
-    eps: float
-
-    def force(self, d, v, tau):
-        return self.eps * (d**2 - 1) * v, 2 * self.eps * d * v, self.eps * (d**2 - 1)
 
 
 @hb.mechanics.model
@@ -100,11 +92,6 @@ def test_the_stated_error_of_a_slow_passage_contains_that_of_the_multipliers(rat
 
 
 @hb.mechanics.model
-def oscillator(eps: float = 0.2, damping: float = 0.0) -> hb.System:
-    return hb.System([[1.0]], [[damping]], [[1.0]], [hb.Element([1.0], VanDerPol(eps))])
-
-
-@hb.mechanics.model
 def servo(gain: float = 0.4, backlash: float = 0.1) -> hb.System:
     """A motor that controls the position of a load behind a backlash; its equilibrium is a range of positions."""
     mesh = hb.Element([1.0, -1.0], hb.mechanics.KelvinVoigt(k=20.0, c=0.4, gap=backlash / 2, sides=2), name="mesh")
@@ -153,8 +140,8 @@ def test_a_curve_ends_at_a_family_of_motions_in_the_gap():
 
 def test_a_motion_leads_to_the_cycles_of_the_hopf_point():
     """Van der Pol with eps = .2: the frequency is known to ten digits."""
-    motion = hb.time.integrate(oscillator(), [0.5, 0.0], 12, 1.0, tolerance=1e-8)
-    cycles = hb.analysis.limit_cycles(oscillator(), motion, (-0.1, 0.1), parameter="damping", harmonics=9)
+    motion = hb.time.integrate(van_der_pol(), [0.5, 0.0], 12, 1.0, tolerance=1e-8)
+    cycles = hb.analysis.limit_cycles(van_der_pol(), motion, (-0.1, 0.1), parameter="damping", harmonics=9)
     point = cycles[int(np.abs(cycles.values).argmin())]
     assert point.parameters == {"eps": 0.2, "damping": 0.0, "Omega": pytest.approx(0.99750885636, abs=1e-9)}
     assert cycles.values[[0, -1]].tolist() == [-0.1, 0.1]
@@ -162,8 +149,10 @@ def test_a_motion_leads_to_the_cycles_of_the_hopf_point():
 
 def test_what_limit_cycles_do_not_have_is_stated():
     """Branches of cycles and equations of their points: the advice is another method, not a point of the same kind."""
-    motion = hb.time.integrate(oscillator(), [0.5, 0.0], 12, 1.0, tolerance=1e-8)
-    curve = hb.analysis.limit_cycles(oscillator(), motion, (-0.1, 0.1), parameter="damping", harmonics=5, accuracy=None)
+    motion = hb.time.integrate(van_der_pol(), [0.5, 0.0], 12, 1.0, tolerance=1e-8)
+    curve = hb.analysis.limit_cycles(
+        van_der_pol(), motion, (-0.1, 0.1), parameter="damping", harmonics=5, accuracy=None
+    )
     fields = {field.name: getattr(curve[3], field.name) for field in dataclasses.fields(hb.Point)}
     for event in (CycleDoublingEvent(), CycleTorusEvent()):
         given = {"label": f"{event.kind}1", "kind": event.kind, "meaning": event.meaning, "event": event, "index": 3}
@@ -189,9 +178,9 @@ def test_motions_that_are_no_limit_cycles_are_refused(hunting):
         cycles(hunting, (0.3, 0.5), parameter="gains")
     with pytest.raises(ValueError, match=r"the model has gain = 0.4, outside the span \(0.5, 0.6\)"):
         cycles(hunting, (0.5, 0.6), parameter="gain")
-    still = hb.time.integrate(oscillator(damping=1.0), [0.5, 0.0], 30, 1.0, tolerance=1e-8)
+    still = hb.time.integrate(van_der_pol(damping=1.0), [0.5, 0.0], 30, 1.0, tolerance=1e-8)
     with pytest.raises(ValueError, match="the motion comes to rest"):
-        hb.analysis.limit_cycles(oscillator(damping=1.0), still, (0.9, 1.1), parameter="damping")
+        hb.analysis.limit_cycles(van_der_pol(damping=1.0), still, (0.9, 1.1), parameter="damping")
     short = hb.time.integrate(servo(), [0.3, 0.3, 0.0, 0.0], 1, 0.5, tolerance=1e-8)
     with pytest.raises(ValueError, match="does not repeat: the state nearest to its last one differs by"):
         cycles(short, (0.3, 0.5), parameter="gain")

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 import scipy
+from machines import VanDerPol, van_der_pol
 
 import hbgear as hb
 from hbgear.harmonic.models import model_registry
@@ -126,19 +127,6 @@ def test_a_model_without_a_mode_of_the_number_is_refused():
         hb.analysis.backbone(hb.Duffing(), mode=2)
 
 
-@dataclass(frozen=True)
-class VanDerPol(hb.mechanics.Law):
-    eps: float
-
-    def force(self, d, v, tau):
-        return self.eps * (d**2 - 1) * v, 2 * self.eps * d * v, self.eps * (d**2 - 1)
-
-
-@hb.mechanics.model
-def oscillator(eps: float = 0.2, damping: float = 0.0) -> hb.System:
-    return hb.System([[1.0]], [[damping]], [[1.0]], [hb.Element([1.0], VanDerPol(eps))])
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("eps, omega, amplitude, rms, multiplier, harmonics", [
     (0.2, 0.9975088563587282, 2.000413678992092, 1.415095799728286, 0.282826994188057, 12),
@@ -147,7 +135,7 @@ def oscillator(eps: float = 0.2, damping: float = 0.0) -> hb.System:
 ])  # fmt: skip
 def test_the_van_der_pol_cycle_agrees_with_shooting(eps, omega, amplitude, rms, multiplier, harmonics):
     """The rms of displacement and of velocity are equal."""
-    model = oscillator(eps)
+    model = van_der_pol(eps)
     (hopf,) = hb.analysis.hopf_points(model, "damping", (2 * eps, -0.5))
     assert abs(hopf.value - eps) < 1e-10
     assert abs(hopf.Omega - 1) < 1e-10
@@ -221,19 +209,11 @@ def test_coordinates_of_a_saved_backbone_are_those_of_the_artificial_damping(tmp
         np.testing.assert_allclose(hb.analysis.backbone_energy(one), hb.analysis.backbone_energy(curve), rtol=1e-12)
 
 
-@dataclass(frozen=True)
-class _VanDerPol(hb.mechanics.Law):
-    eps: float = 0.2
-
-    def force(self, d, v, tau):
-        return self.eps * (d**2 - 1) * v, 2 * self.eps * d * v, self.eps * (d**2 - 1)
-
-
 @hb.mechanics.model
 def driven_van_der_pol(damping: float = 0.0, F: float = 5.0) -> hb.System:
     load = hb.Load(cosine={1: [0.0, F]})
     return hb.System(np.eye(2), [[damping, 0.0], [0.0, 0.05]], [[2.0, -0.5], [-0.5, 3.0]],
-                     [hb.Element([1.0, 0.0], _VanDerPol())], load)  # fmt: skip
+                     [hb.Element([1.0, 0.0], VanDerPol())], load)  # fmt: skip
 
 
 @pytest.mark.slow

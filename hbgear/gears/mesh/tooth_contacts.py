@@ -24,7 +24,7 @@ from hbgear.gears.mesh.mesh_cycle import fit_cubics
 from hbgear.mechanics.laws.mesh_contacts import MeshContacts, ToothContact
 from hbgear.mechanics.series.fourier import Series
 from hbgear.mechanics.series.periodic import Periodic, Phased
-from hbgear.mechanics.series.piecewise_polynomial import TURN
+from hbgear.mechanics.series.piecewise_polynomial import TURN, shift_origin
 
 ROUNDING = 1e-9
 """Length [mesh periods] that is attributed to rounding."""
@@ -84,12 +84,12 @@ class PathFunction(NamedTuple):
         inner = self.nodes[(self.nodes > first + ROUNDING) & (self.nodes < last - ROUNDING)]
         nodes = np.concatenate([[first], inner, [last]])
         piece = np.searchsorted(self.nodes, 0.5 * (nodes[1:] + nodes[:-1]), side="right") - 1
-        return type(self)(nodes, _shift_origin(self.rows[piece], nodes[:-1] - self.nodes[piece]))
+        return type(self)(nodes, shift_origin(self.rows[piece], nodes[:-1] - self.nodes[piece]))
 
     def mirrored(self, centre: float) -> Self:
         """Return the function of 2 centre - u; its path begins at 2 centre - length."""
         widths = np.diff(self.nodes)
-        rows = _shift_origin(self.rows, widths) * (-1.0) ** np.arange(self.rows.shape[1])
+        rows = shift_origin(self.rows, widths) * (-1.0) ** np.arange(self.rows.shape[1])
         return type(self)((2 * centre - self.nodes)[::-1], rows[::-1])
 
     def plus(self, offset: float, factor: float = 1.0) -> Self:
@@ -106,7 +106,7 @@ class PathFunction(NamedTuple):
         base = self.section(float(nodes[0]), float(nodes[-1]))
         piece = np.searchsorted(base.nodes, 0.5 * (nodes[1:] + nodes[:-1]), side="right") - 1
         rows = np.zeros((len(piece), 4))
-        rows[:, : base.rows.shape[1]] = _shift_origin(base.rows[piece], nodes[:-1] - base.nodes[piece])
+        rows[:, : base.rows.shape[1]] = shift_origin(base.rows[piece], nodes[:-1] - base.nodes[piece])
         angle, h = w * (nodes + time) + wave.phase, np.diff(nodes)
         y, slope = wave.amplitude * np.sin(angle), wave.amplitude * w * np.cos(angle)
         mean = np.diff(y) / h
@@ -227,12 +227,3 @@ def _periodic(sections: Sequence[PathFunction], lag: float, joined: bool) -> Pha
     return Periodic(
         tuple((scale * begin[order]).tolist()), tuple(tuple(x / scale**q for q, x in enumerate(rows[i])) for i in order)
     )
-
-
-def _shift_origin(rows: Array, x: Array) -> Array:
-    """Return the coefficients (P, D + 1) of the polynomials p(x + y) in y."""
-    out = rows.copy()
-    for first in range(rows.shape[1] - 1):
-        for q in range(rows.shape[1] - 2, first - 1, -1):
-            out[:, q] += x * out[:, q + 1]
-    return out
