@@ -363,12 +363,11 @@ class Search:
     def _add(self, cusp: Cusp) -> None:
         """Append a cusp unless a known one has the same value for its design."""
         value = cusp.point.parameters[cusp.name]
-        for other in self.cusps:
-            if other.name == cusp.name and other.side == cusp.side:
-                with suppress(*SEARCH_ERRORS):
-                    relocated = self._relocated(other.point, other.name, other.start, cusp.start)[0]
-                    if abs(relocated.value - value) <= SAME_CUSP * abs(value):
-                        return
+        for other in (other for other in self.cusps if (other.name, other.side) == (cusp.name, cusp.side)):
+            with suppress(*SEARCH_ERRORS):
+                relocated = self._relocated(other.point, other.name, other.start, cusp.start)[0]
+                if abs(relocated.value - value) <= SAME_CUSP * abs(value):
+                    return
         self.cusps.append(cusp)
 
     def _peak_slack(self, u: Array) -> Slack:

@@ -191,16 +191,7 @@ def points_and_marks(state: TraceState) -> tuple[list[CurvePoint], list[SpecialP
     inserted.sort(key=lambda entry: entry[:2])
     for i, point in enumerate(state.points):
         while inserted and inserted[0][0] == i:
-            addition = inserted.pop(0)[2]
-            if isinstance(addition, CurvePoint):
-                points.append(addition)
-                continue
-            if addition.located:
-                if _coincides_with_last(addition.point, points, marks):
-                    points.pop()
-                points.append(addition.point)
-            interval = (state.points[i - 1].value, point.value)
-            marks.append(SpecialPointMark(len(points) - 1, addition, interval))
+            _insert(inserted.pop(0)[2], (state.points[i - 1].value, point.value), points, marks)
         is_special = bool(marks) and marks[-1].index == len(points) - 1 and marks[-1].special.located
         if is_special and i < len(state.points) - 1 and _coincide(points[-1], point):
             continue
@@ -209,6 +200,21 @@ def points_and_marks(state: TraceState) -> tuple[list[CurvePoint], list[SpecialP
         interval = (state.points[-2].value, state.points[-1].value)
         marks.append(SpecialPointMark(len(points) - 1, state.terminal, interval))
     return points, marks
+
+
+def _insert(
+    addition: LocatedEvent | CurvePoint, interval: tuple[float, float], points: list[CurvePoint],
+    marks: list[SpecialPointMark],
+) -> None:  # fmt: skip
+    """Append a point between two points of a curve, or a special point and its mark."""
+    if isinstance(addition, CurvePoint):
+        points.append(addition)
+        return
+    if addition.located:
+        if _coincides_with_last(addition.point, points, marks):
+            points.pop()
+        points.append(addition.point)
+    marks.append(SpecialPointMark(len(points) - 1, addition, interval))
 
 
 COINCIDENT_POINT_DISTANCE = 1e-9

@@ -151,12 +151,9 @@ class Stepper:
         if compiled_loop is None or (self.problem.is_nonsmooth and not len(table)):
             table, following, reason, is_at_corner = self._single_step(u, t, count, scale, step, control)
             if is_at_corner:
-                before = self._points(table, recent[0], scale)
-                beyond = self.over_corner(before[-1] if before else recent[0], scale, step)
-                if beyond.points:  # steps begin as at the start of a curve
-                    step = max(step, steps.first_step)
-                if before or beyond.points:
-                    return StepResult(before + beyond.points, step, "", bool(beyond.points))
+                result = self._past_corner(table, recent[0], scale, step)
+                if result.points:
+                    return result
             step = following
         if not len(table):
             corner = self.over_corner(recent[0], scale, step)
@@ -176,6 +173,14 @@ class Stepper:
         sizes, bounds = np.array([solution_scale, scale[-1]]), np.array(self.bounds)
         accepted, step, status, detail = loop(u, t, count, sizes, step, bounds, limits, tolerances, out)
         return out[:accepted], step, status_message(status, detail)
+
+    def _past_corner(self, table: Array, last: CurvePoint, scale: Array, step: float) -> StepResult:
+        """Return the last point before a corner, if it is a new one, and the point beyond it, if the curve goes on."""
+        before = self._points(table, last, scale)
+        beyond = self.over_corner(before[-1] if before else last, scale, step).points
+        if beyond:  # steps begin as at the start of a curve
+            step = max(step, self.steps.first_step)
+        return StepResult(before + beyond, step, "", bool(beyond))
 
     def over_corner(self, last: CurvePoint, scale: Array, step: float) -> StepResult:
         """Compute a point beyond a corner near the last point, if the curve can have corners and has one there.

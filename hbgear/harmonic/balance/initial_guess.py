@@ -133,22 +133,24 @@ def continue_from_nearby_frequency(problem: Any, parameters: dict[str, float]) -
     It is used if Newton's method converges from no initial guess at this frequency. problem : `HarmonicBalance`.
     """
     Omega = parameters["Omega"]
+    fixed = {name: value for name, value in parameters.items() if name != "Omega"}
     for nearby_Omega in (Omega * factor for factor in _FREQUENCY_FACTORS):
-        nearby = {**parameters, "Omega": nearby_Omega}
-        for guess in initial_guesses(problem.compiled(nearby), nearby_Omega):
-            try:
-                X = solve(problem, guess, nearby).X
-            except NoConvergence:
-                continue
-            fixed = {name: value for name, value in parameters.items() if name != "Omega"}
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # warnings about the auxiliary branch are of no use
-                curve = trace(problem, "Omega", (nearby_Omega, Omega), X, at=fixed, steps=StepControl(max_points=1000),
-                              stability=False, special=False, cover=False)  # fmt: skip
-            if curve.values[-1] == Omega:
-                try:  # with the harmonics of the problem
-                    return solve(problem, problem.from_point(curve[-1]), parameters).X
-                except NoConvergence:
-                    pass
-            break
+        X = _solution_from_guesses(problem, {**parameters, "Omega": nearby_Omega})
+        if X is None:
+            continue
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # warnings about the auxiliary branch are of no use
+            curve = trace(problem, "Omega", (nearby_Omega, Omega), X, at=fixed, steps=StepControl(max_points=1000),
+                          stability=False, special=False, cover=False)  # fmt: skip
+        if curve.values[-1] == Omega:
+            with suppress(NoConvergence):  # with the harmonics of the problem
+                return solve(problem, problem.from_point(curve[-1]), parameters).X
+    return None
+
+
+def _solution_from_guesses(problem: Any, parameters: dict[str, float]) -> Array | None:
+    """Return the solution from the first initial guess from which Newton's method converges; None without one."""
+    for guess in initial_guesses(problem.compiled(parameters), parameters["Omega"]):
+        with suppress(NoConvergence):
+            return solve(problem, guess, parameters).X
     return None

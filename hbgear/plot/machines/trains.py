@@ -221,23 +221,15 @@ def _centres(machine: Train, size: dict[str, float]) -> dict[str, np.ndarray]:
     if np.ptp([*positions.values()], axis=0).max() > 0:
         return positions
     placed = {machine.meshes[0].first: np.zeros(2)}
-    while True:
-        pairs = [(m.first, m.second) for m in machine.meshes] + [(s.first, s.second) for s in machine.shafts]
-        meshing = len(machine.meshes)
-        for k, pair in enumerate(pairs):
-            for a, b in (pair, pair[::-1]):
-                if a in placed and b not in placed:
-                    wheels = {w.name: w for w in machine.wheels}
-                    rings = wheels[a].internal or wheels[b].internal
-                    distance = abs(size[a] - size[b]) if rings else size[a] + size[b]
-                    step = np.array([distance, 0.0]) if k < meshing else np.array([0.0, 1.2 * (size[a] + size[b])])
-                    placed[b] = placed[a] + 1e3 * step
-                    break
-            else:
-                continue
-            break
-        else:
-            return {name: placed.get(name, np.zeros(2)) for name in positions}
+    internal = {w.name: w.internal for w in machine.wheels}
+    pairs = [(pair, True) for pair in machine.meshes] + [(pair, False) for pair in machine.shafts]
+    ways = [(*way, mesh) for pair, mesh in pairs for way in ((pair.first, pair.second), (pair.second, pair.first))]
+    while (way := next((way for way in ways if way[0] in placed and way[1] not in placed), None)) is not None:
+        a, b, mesh = way
+        distance = abs(size[a] - size[b]) if internal[a] or internal[b] else size[a] + size[b]
+        step = np.array([distance, 0.0]) if mesh else np.array([0.0, 1.2 * (size[a] + size[b])])
+        placed[b] = placed[a] + 1e3 * step
+    return {name: placed.get(name, np.zeros(2)) for name in positions}
 
 
 def _bearing(ax: Axes, machine: Train, bearing: Any, centre: np.ndarray) -> None:

@@ -131,33 +131,41 @@ class SpecialPointFollower:
             if self._reaches_end(last, length):
                 return
             try:
-                point, count = self.motions.point_at(last, length)
-                self.motions.check_durations(last, point)
-                exchanged = self.motions.exchanged(point)
-                if exchanged is not None:
-                    if length > EXCHANGE_STEP:
-                        raise NoConvergence("two contacts exchange their order", last.point.state.z, {}, [])
-                    self._pass_exchange(last, exchanged, point.second)
-                    return
-                motion = self.motions.with_basis(point, last.grazing)
-                missed = self.motions.missed_contacts(point, last.grazing)
-                if missed:
-                    self._add_contacts(last, motion, length, missed)
-                    return
-                motion = _reversed(motion) if _cosine(last, motion) < 0 else motion
-                if _cosine(last, motion) < MIN_COSINE_OF_STEP:
-                    raise NoConvergence("the curve turns sharply", last.point.state.z, {}, [])
+                step = self._next_motion(last, length)
             except (*SOLVER_ERRORS, InconsistentPatternError) as error:
                 self.step = 0.4 * length
                 if self.step < SMALLEST_STEP:
                     raise NoConvergence(f"{error}; the shortest step was tried", last.point.w, {}, []) from error
                 continue
             break
+        if step is None:
+            return
+        motion, count = step
         self.step = min(self.steps.max_step, max(length * (2.0 if count <= FAST_SECANTS else 1.0), self.step))
         self._add(last, motion, length)
         vanishing = [] if self.curve.message else self._vanishing_contacts(motion)
         if vanishing:
             self._remove_contacts(motion, vanishing)
+
+    def _next_motion(self, last: SpecialMotion, length: float) -> tuple[SpecialMotion, int] | None:
+        """Return the next motion and its number of secants; None if it has other contacts, which are added then."""
+        point, count = self.motions.point_at(last, length)
+        self.motions.check_durations(last, point)
+        exchanged = self.motions.exchanged(point)
+        if exchanged is not None:
+            if length > EXCHANGE_STEP:
+                raise NoConvergence("two contacts exchange their order", last.point.state.z, {}, [])
+            self._pass_exchange(last, exchanged, point.second)
+            return None
+        motion = self.motions.with_basis(point, last.grazing)
+        missed = self.motions.missed_contacts(point, last.grazing)
+        if missed:
+            self._add_contacts(last, motion, length, missed)
+            return None
+        motion = _reversed(motion) if _cosine(last, motion) < 0 else motion
+        if _cosine(last, motion) < MIN_COSINE_OF_STEP:
+            raise NoConvergence("the curve turns sharply", last.point.state.z, {}, [])
+        return motion, count
 
     def _reaches_end(self, last: SpecialMotion, length: float) -> bool:
         """Accept the point at an end of the span before the next step, and return whether there is one.
