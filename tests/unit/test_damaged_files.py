@@ -253,6 +253,8 @@ def test_pipes_and_devices_are_not_opened(tmp_path):
         (("layout", "nu"), 2, "its header states nu = 1, its points have 2"),
         (("layout", "harmonics"), 5, "do not fit"),
         (("fixed", "zeta"), float("nan"), "zeta is nan; need a finite number"),
+        pytest.param(("meta", "trace", "accuracy"), 10**400, "is 1000.*; need a finite number", id="huge"),
+        pytest.param(("message",), "\ud800", "message is '.ud800'; need a text", id="surrogate"),
         (("jump_records", "__tuple__", 0, "direction"), 0, "no direction"),
         (("jump_records", "__tuple__", 0, "before"), None, "before is None; need a Point or SpecialPoint"),
     ],

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -67,7 +67,7 @@ def read_motions(archive: Archive, value: Any, branch: Branch) -> FullMotion | N
         return None
     if not isinstance(value, dict) or set(value) != {"names", "rows"} or not isinstance(value["names"], list):
         raise _wrong("motions", value, "names and rows")
-    names = tuple(_text(archive, name, "motions.names") for name in value["names"])
+    names = tuple(_TEXT(archive, name, "motions.names") for name in value["names"])
     rows = _array("f", 3, finite=True)(archive, value["rows"], "motions.rows")
     layout = layout_of(branch)
     if layout is None or rows.shape != (len(branch), len(names), 2 * layout.harmonics + 1):
@@ -83,60 +83,44 @@ def _wrong(path: str, value: Any, need: str) -> ValueError:
     return ValueError(f"{path} is {text if len(text) <= 40 else f'{text[:36]} ...'}; need {need}")
 
 
-def _text(archive: Archive, value: Any, path: str) -> str:
-    if not isinstance(value, str):
-        raise _wrong(path, value, "a text")
-    value.encode()  # raises for lone surrogates, which cannot be printed
-    return value
+def _value(fits: Callable[[Any], bool], need: str) -> Form:
+    """Return a reader of single values that fulfil a condition."""
 
-
-def _marker(archive: Archive, value: Any, path: str) -> str:
-    if (text := _text(archive, value, path)) and not is_marker(text):
-        raise _wrong(path, value, f"one of {' '.join(MARKERS)}")
-    return text
-
-
-def _word_of(words: Sequence[str]) -> Form:
     def form(archive: Archive, value: Any, path: str) -> Any:
-        if value not in words:
-            raise _wrong(path, value, f"one of {', '.join(words)}")
+        if not fits(value):
+            raise _wrong(path, value, need)
         return value
 
     return form
-
-
-def _flag(archive: Archive, value: Any, path: str) -> bool:
-    if not isinstance(value, bool):
-        raise _wrong(path, value, "true or false")
-    return value
-
-
-def _number(archive: Archive, value: Any, path: str) -> float:
-    too_large = isinstance(value, int) and not isinstance(value, bool) and abs(value) > MAX_INTEGER
-    if isinstance(value, bool) or not isinstance(value, int | float) or too_large:
-        raise _wrong(path, value, "a number")
-    number: float = value
-    return number
 
 
 MAX_INTEGER = 2**63
 """Largest whole number that is accepted: no computation stores larger ones."""
 
 
-def _finite(archive: Archive, value: Any, path: str) -> float:
-    number = _number(archive, value, path)
-    if not math.isfinite(number):
-        raise _wrong(path, value, "a finite number")
-    return number
+def _is_text(value: Any) -> bool:
+    """Return whether a value is text that can be printed, without lone surrogates."""
+    return isinstance(value, str) and not any("\ud800" <= letter <= "\udfff" for letter in value)
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, float) or (type(value) is int and abs(value) <= MAX_INTEGER)
+
+
+def _is_finite(value: Any) -> bool:
+    return _is_number(value) and math.isfinite(value)
+
+
+_TEXT = _value(_is_text, "a text")
+_MARKER = _value(lambda value: _is_text(value) and (not value or is_marker(value)), f"one of {' '.join(MARKERS)}")
+_LANDING = _value(lambda value: value in (*LANDINGS, BIFURCATING), f"one of {', '.join((*LANDINGS, BIFURCATING))}")
+_FLAG = _value(lambda value: isinstance(value, bool), "true or false")
+_NUMBER = _value(_is_number, "a number")
+_FINITE = _value(_is_finite, "a finite number")
 
 
 def _int(low: int, high: int = MAX_INTEGER) -> Form:
-    def form(archive: Archive, value: Any, path: str) -> int:
-        if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
-            raise _wrong(path, value, f"a whole number from {low} to {high}")
-        return value
-
-    return form
+    return _value(lambda value: type(value) is int and low <= value <= high, f"a whole number from {low} to {high}")
 
 
 def _array(kinds: str, dimensions: int, finite: bool = False) -> Form:
@@ -180,7 +164,7 @@ def _table(form: Form) -> Form:
     def table(archive: Archive, value: Any, path: str) -> dict[str, Any]:
         if not isinstance(value, dict):
             raise _wrong(path, value, "values by name")
-        return {_text(archive, name, path): form(archive, x, f"{path}.{name}") for name, x in value.items()}
+        return {_TEXT(archive, name, path): form(archive, x, f"{path}.{name}") for name, x in value.items()}
 
     return table
 
@@ -214,7 +198,7 @@ def _plain(archive: Archive, value: Any, path: str) -> Any:
     if isinstance(value, list):
         return [_plain(archive, x, f"{path}.{i}") for i, x in enumerate(value)]
     if not isinstance(value, dict):
-        return _text(archive, value, path) if isinstance(value, str) else value
+        return _TEXT(archive, value, path) if isinstance(value, str) else value
     if "__array__" in value:
         if not isinstance(value["__array__"], str):
             raise _wrong(path, value, "an array")
@@ -232,36 +216,36 @@ def _certificate(archive: Archive, value: Any, path: str) -> dict[str, Any]:
         raise ValueError(f"{path}: {error}") from None
 
 
-_FLOATS = _tuple(_finite)
+_FLOATS = _tuple(_FINITE)
 
 
 _POINT: dict[str, Form] = {
-    "X": _array("f", 1, finite=True), "parameters": _table(_finite), "residual": _number, "iterations": _int(0),
-    "multipliers": _optional(_array("c", 1)), "regime": _array("iu", 1), "error": _number,
-    "layout": _optional(lambda *given: _object(Layout, TorusLayout)(*given)), "label": _text, "modulus_error": _number,
+    "X": _array("f", 1, finite=True), "parameters": _table(_FINITE), "residual": _NUMBER, "iterations": _int(0),
+    "multipliers": _optional(_array("c", 1)), "regime": _array("iu", 1), "error": _NUMBER,
+    "layout": _optional(lambda *given: _object(Layout, TorusLayout)(*given)), "label": _TEXT, "modulus_error": _NUMBER,
 }  # fmt: skip
 
 
 _FORMS: dict[type, dict[str, Form]] = {
-    Layout: {"harmonics": _int(0), "nu": _int(1, 10_000), "elements": _tuple(_text), "breakpoints": _tuple(_FLOATS),
-             "labels": _table(_text), "orders": _optional(_tuple(_int(1)))},
-    TorusLayout: {"harmonics": _tuple(_int(1, 200), 2), "elements": _tuple(_text), "nu": _int(1, 10_000),
-                  "labels": _table(_text), "odd": _flag, "dense": _int(1, 100),
-                  "band": _optional(_finite), "ratio": _finite, "half": _optional(_tuple(_int(0, 1), 2))},
+    Layout: {"harmonics": _int(0), "nu": _int(1, 10_000), "elements": _tuple(_TEXT), "breakpoints": _tuple(_FLOATS),
+             "labels": _table(_TEXT), "orders": _optional(_tuple(_int(1)))},
+    TorusLayout: {"harmonics": _tuple(_int(1, 200), 2), "elements": _tuple(_TEXT), "nu": _int(1, 10_000),
+                  "labels": _table(_TEXT), "odd": _FLAG, "dense": _int(1, 100),
+                  "band": _optional(_FINITE), "ratio": _FINITE, "half": _optional(_tuple(_int(0, 1), 2))},
     Point: _POINT,
-    SpecialPoint: {**_POINT, "kind": _text, "index": _int(-1), "located": _flag, "interval": _tuple(_number, 2),
-                   "note": _text, "meaning": _text, "marker": _marker, "truncation": _number,
+    SpecialPoint: {**_POINT, "kind": _TEXT, "index": _int(-1), "located": _FLAG, "interval": _tuple(_NUMBER, 2),
+                   "note": _TEXT, "meaning": _TEXT, "marker": _MARKER, "truncation": _NUMBER,
                    "certificate": _optional(_certificate)},
-    Jump: {"label": _text, "parameter": _text, "value": _finite, "direction": _int(-1, 1),
+    Jump: {"label": _TEXT, "parameter": _TEXT, "value": _FINITE, "direction": _int(-1, 1),
            "before": _object(Point, SpecialPoint), "after": _optional(_object(Point, SpecialPoint)),
-           "landing": _word_of((*LANDINGS, BIFURCATING)), "note": _text,
+           "landing": _LANDING, "note": _TEXT,
            "candidates": _tuple(_object(Point, SpecialPoint))},
-    Branch: {"parameter": _text, "values": _array("f", 1, finite=True), "X": _array("f", 2, finite=True),
-             "fixed": _table(_finite), "tracked": _table(_array("f", 1, finite=True)),
+    Branch: {"parameter": _TEXT, "values": _array("f", 1, finite=True), "X": _array("f", 2, finite=True),
+             "fixed": _table(_FINITE), "tracked": _table(_array("f", 1, finite=True)),
              "multipliers": _optional(_array("c", 2)), "iterations": _array("iu", 1), "residual": _array("f", 1),
              "regime": _array("iu", 2), "error": _array("f", 1), "step": _array("f", 1),
-             "special": _tuple(_object(SpecialPoint)), "jump_records": _tuple(_object(Jump)), "status": _text,
-             "message": _text, "layout": _optional(_object(Layout, TorusLayout)), "meta": _table(_plain),
+             "special": _tuple(_object(SpecialPoint)), "jump_records": _tuple(_object(Jump)), "status": _TEXT,
+             "message": _TEXT, "layout": _optional(_object(Layout, TorusLayout)), "meta": _table(_plain),
              "others": _tuple(lambda *given: _object(Branch)(*given)), "modulus_error": _array("f", 1)},
 }  # fmt: skip
 
@@ -321,10 +305,6 @@ def _check_trace(branch: Branch) -> None:
         raise _wrong("trace.accuracy of its header", accuracy, "a finite number")
 
 
-def _is_finite(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-
-
 def _check_balance(branch: Branch) -> None:
     """Check that the settings from which a problem is rebuilt match the points."""
     balance, layout = branch.meta.get("balance"), layout_of(branch)
@@ -340,7 +320,7 @@ def _check_asymptotes(branch: Branch) -> None:
     asymptotes = branch.meta.get("asymptotes", {})
     if not isinstance(asymptotes, dict) or not set(asymptotes) <= {"first", "last"}:
         raise ValueError("its header has asymptotes other than those of the first and the last point")
-    if not all(type(value) in (int, float) and math.isfinite(value) for value in asymptotes.values()):
+    if not all(_is_finite(value) for value in asymptotes.values()):
         raise ValueError("its header has asymptotes that are not finite numbers")
 
 
