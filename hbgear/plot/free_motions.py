@@ -7,15 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hbgear.analysis.quantities.axis_quantities import (
-    Abscissa,
-    OmegaAxis,
-    Ordinate,
-    in_figure,
-    in_metres_per_second,
-    in_micrometres,
-    kind_of,
-)
+from hbgear.analysis.quantities.axis_quantities import Abscissa, OmegaAxis, Ordinate, kind_of
+from hbgear.analysis.quantities.length_units import in_figure, in_metres_per_second, in_micrometres
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.continuation.results.branch import Branch

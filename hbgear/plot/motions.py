@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from hbgear.analysis.quantities.axis_quantities import in_figure, in_metres_per_second, in_micrometres
+from hbgear.analysis.quantities.length_units import in_figure, in_metres_per_second, in_micrometres
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import Range, checked

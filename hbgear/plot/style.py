@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hbgear.analysis.quantities.axis_quantities import in_figure
+from hbgear.analysis.quantities.length_units import in_figure
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.atomic_write import atomic_write
 from hbgear.common.text.messages import quoted

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hbgear.analysis.quantities.axis_quantities import Abscissa, Ordinate, in_figure, usual_measure
+from hbgear.analysis.quantities.axis_quantities import Abscissa, Ordinate, usual_measure
+from hbgear.analysis.quantities.length_units import in_figure
 from hbgear.analysis.quantities.order_cuts import level_title, order_levels
 from hbgear.analysis.run_ups import BranchSection, RunUp, run_up
 from hbgear.common.argument_checks import checked_arguments

@@ -16,8 +16,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hbgear.analysis.jump_landings import Landing, landings
-from hbgear.analysis.quantities.axis_quantities import Ordinate, in_figure
+from hbgear.analysis.quantities.axis_quantities import Ordinate
 from hbgear.analysis.quantities.engineering_quantities import problem_along, with_known_problem
+from hbgear.analysis.quantities.length_units import in_figure
 from hbgear.analysis.summary import (
     certified_header,
     certified_text,

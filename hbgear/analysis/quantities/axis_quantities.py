@@ -9,7 +9,6 @@
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Literal
@@ -17,10 +16,10 @@ from typing import Any, Literal
 import numpy as np
 
 from hbgear.analysis.quantities.engineering_quantities import machine_quantities, problem_along, transmission_error
+from hbgear.analysis.quantities.length_units import MICROMETRE, dimension_of, in_figure, in_micrometres
 from hbgear.common.arrays import Array
 from hbgear.common.text.digits import short
 from hbgear.common.text.messages import quoted
-from hbgear.common.text.symbols import without_unit
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point
 from hbgear.harmonic.autonomous.backbone import AMPLITUDE
@@ -37,7 +36,6 @@ from hbgear.harmonic.models.frequency_units import (
 )
 from hbgear.mechanics.models import Model
 from hbgear.mechanics.series.measures import MEASURES, axis_text, is_measure, motion_text
-from hbgear.mechanics.structures.scales import Numbers
 
 SHORT_NAMES = {"dte": "dte, half peak-to-peak", "force": "force, largest", "acceleration": "acceleration, rms"}
 """Engineering quantities by the short names that measures may have."""
@@ -50,142 +48,6 @@ QUANTITIES = (*SHORT_NAMES, *SHORT_NAMES.values(), "dynamic factor", "force, sta
 
 SPEED_LABEL = "speed of the pinion [r/min]"
 """Label of an axis of frequencies in physical units."""
-
-MICROMETRE = "um"
-"""Unit of lengths in tables; figures have the sign of micro."""
-
-
-def in_figure(text: str) -> str:
-    """Return a label of a table in the notation of figures.
-
-    Parameters
-    ----------
-    text : str
-        Label with its unit.
-
-    Returns
-    -------
-    str
-        Label.
-
-    Examples
-    --------
-    >>> in_figure("gap [um]"), in_figure("$x^2$ [m^2]")
-    ('gap [\N{MICRO SIGN}m]', '$x^2$ [m\N{SUPERSCRIPT TWO}]')
-    """
-    return re.sub(r"\[[^\[\]$]*\]", lambda unit: _in_figure(unit[0]), text)
-
-
-def _in_figure(unit: str) -> str:
-    """Return a unit with the sign of micro, and with raised exponents."""
-    unit = re.sub(r"\bum\b", "\N{MICRO SIGN}m", unit)
-    return unit.replace("^2", "\N{SUPERSCRIPT TWO}").replace("^3", "\N{SUPERSCRIPT THREE}")
-
-
-def in_figure_unit(unit: str) -> str:
-    """Return a unit without brackets in the notation of figures.
-
-    Parameters
-    ----------
-    unit : str
-        Unit.
-
-    Returns
-    -------
-    str
-        Unit.
-
-    Examples
-    --------
-    >>> in_figure_unit("um")
-    '\N{MICRO SIGN}m'
-    """
-    return _in_figure(unit)
-
-
-def dimension_of(measure: str) -> int:
-    """Return the power of the length in a measure: 0 for ratios and for measures with their own unit.
-
-    Parameters
-    ----------
-    measure : str
-        Name of a measure of amplitude.
-
-    Returns
-    -------
-    int
-        Power.
-    """
-    entry = MEASURES.get(measure)
-    return 1 if entry is None else 0 if entry.unit else entry.dimension
-
-
-def factor_of(measure: str, length: Numbers | None) -> Numbers | float:
-    """Return the unit of a measure of amplitude [um] for a unit of length [m].
-
-    Parameters
-    ----------
-    measure : str
-        Name of a measure of amplitude.
-    length : float or ndarray or None
-        Unit of length; None if amplitudes keep the unit of the model.
-
-    Returns
-    -------
-    float or ndarray
-        Factor of amplitudes; 1 without a unit of length.
-
-    Examples
-    --------
-    >>> factor_of("rms", 5e-5), factor_of("rms", None)
-    (50.0, 1.0)
-    """
-    return 1.0 if length is None else (1e6 * length) ** dimension_of(measure)
-
-
-def in_micrometres(symbol: str, name: str = "") -> str:
-    """Return the label of a motion with the unit of physical lengths.
-
-    Parameters
-    ----------
-    symbol : str
-        Label in units of the model.
-    name : str, optional
-        Text that follows the symbol.
-
-    Returns
-    -------
-    str
-        Label.
-
-    Examples
-    --------
-    >>> in_micrometres("$x$ [-]")
-    '$x$ [um]'
-    """
-    text = without_unit(symbol).partition(" / ")[0]
-    return f"${text}${name} [{MICROMETRE}]" if len(text) <= 2 else f"{text}{name} [{MICROMETRE}]"
-
-
-def in_metres_per_second(symbol: str) -> str:
-    """Return the label of a rate of a motion with the unit of physical velocities.
-
-    Parameters
-    ----------
-    symbol : str
-        Label of the motion in units of the model.
-
-    Returns
-    -------
-    str
-        Label, without "rate of".
-
-    Examples
-    --------
-    >>> in_metres_per_second("gap / b")
-    'gap [m/s]'
-    """
-    return in_micrometres(symbol).replace(f"[{MICROMETRE}]", "[m/s]")
 
 
 def kind_of(branch: Branch) -> Literal["periodic", "tori", "backbone"]:

@@ -8,7 +8,8 @@ import numpy as np
 import typer
 
 import hbgear as hb
-from hbgear.analysis.quantities.axis_quantities import Abscissa, OmegaAxis, Ordinate, factor_of
+from hbgear.analysis.quantities.axis_quantities import Abscissa, OmegaAxis, Ordinate
+from hbgear.analysis.quantities.length_units import factor_of
 from hbgear.cli import complete as cli_complete
 from hbgear.cli import options
 from hbgear.cli.output import exit_code, print_table, show_branch

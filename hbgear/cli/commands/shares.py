@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from hbgear.analysis.parameter_sensitivity.units import LENGTH
-from hbgear.analysis.quantities.axis_quantities import MICROMETRE
+from hbgear.analysis.quantities.length_units import MICROMETRE
 from hbgear.cli.options import output_option
 from hbgear.cli.output import print_table
 from hbgear.cli.output_files import outputs

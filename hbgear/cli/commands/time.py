@@ -10,11 +10,8 @@ import numpy as np
 import typer
 
 import hbgear as hb
-from hbgear.analysis.quantities.axis_quantities import (
-    OmegaAxis,
-    dimension_of,
-    factor_of,
-)
+from hbgear.analysis.quantities.axis_quantities import OmegaAxis
+from hbgear.analysis.quantities.length_units import dimension_of, factor_of
 from hbgear.cli import options
 from hbgear.cli.output import STOPPED_EARLY, bar, print_table
 from hbgear.cli.output_files import FIGURES, check_writable, outputs

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hbgear.analysis.quantities.axis_quantities import MICROMETRE, dimension_of, factor_of
+from hbgear.analysis.quantities.length_units import MICROMETRE, dimension_of, factor_of
 from hbgear.common.arrays import Array
 from hbgear.common.atomic_write import atomic_write, csv_table
 from hbgear.common.text.messages import did_you_mean

@@ -26,7 +26,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hbgear.analysis.parameter_sensitivity.units import LENGTH, measured_along, units_at, units_of
-from hbgear.analysis.quantities.axis_quantities import MICROMETRE, dimension_of
+from hbgear.analysis.quantities.length_units import MICROMETRE, dimension_of
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, checked

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hbgear.analysis.quantities.axis_quantities import in_figure
+from hbgear.analysis.quantities.length_units import in_figure
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.ranges import POSITIVE, checked
 from hbgear.common.text.messages import quoted

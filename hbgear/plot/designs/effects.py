@@ -11,7 +11,7 @@ import numpy as np
 
 from hbgear.analysis.parameter_sensitivity.table import Sensitivity
 from hbgear.analysis.parameter_sensitivity.units import LENGTH
-from hbgear.analysis.quantities.axis_quantities import MICROMETRE, in_figure_unit
+from hbgear.analysis.quantities.length_units import MICROMETRE, in_figure_unit
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.ranges import POSITIVE, checked, counted
 from hbgear.harmonic.models.frequency_units import MESH, PINION

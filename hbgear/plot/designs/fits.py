@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hbgear.analysis.parameter_sensitivity.units import units_of
-from hbgear.analysis.quantities.axis_quantities import OmegaAxis, factor_of
+from hbgear.analysis.quantities.axis_quantities import OmegaAxis
+from hbgear.analysis.quantities.length_units import factor_of
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.text.symbols import unit_of

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hbgear.analysis.quantities.axis_quantities import OmegaAxis, axis_scales, factor_of, in_figure, in_micrometres
+from hbgear.analysis.quantities.axis_quantities import OmegaAxis, axis_scales
+from hbgear.analysis.quantities.length_units import factor_of, in_figure, in_micrometres
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.design.studies.case_results import Cases

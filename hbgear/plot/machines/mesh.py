@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hbgear.analysis.quantities.axis_quantities import MICROMETRE, in_figure_unit
+from hbgear.analysis.quantities.length_units import MICROMETRE, in_figure_unit
 from hbgear.continuation.results.branch import Branch
 from hbgear.gears.mesh.mesh_cycle import MeshCycle, MeshTable
 from hbgear.plot.curves import response

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hbgear.analysis.loads.tooth_loads import ToothLoads
-from hbgear.analysis.quantities.axis_quantities import MICROMETRE, in_figure_unit
+from hbgear.analysis.quantities.length_units import MICROMETRE, in_figure_unit
 from hbgear.gears.mesh.harris_map import HarrisMap
 from hbgear.plot.style import BRANCHES, GREY, axes_or_new, dress, new_figure, styled
 

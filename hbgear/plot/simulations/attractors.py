@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hbgear.analysis.quantities.axis_quantities import MICROMETRE, OmegaAxis, factor_of, in_figure
+from hbgear.analysis.quantities.axis_quantities import OmegaAxis
+from hbgear.analysis.quantities.length_units import MICROMETRE, factor_of, in_figure
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.continuation.results.branch import Branch

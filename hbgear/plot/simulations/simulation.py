@@ -10,10 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hbgear.analysis.quantities.axis_quantities import (
-    Abscissa,
-    OmegaAxis,
-    Ordinate,
+from hbgear.analysis.quantities.axis_quantities import Abscissa, OmegaAxis, Ordinate
+from hbgear.analysis.quantities.length_units import (
     factor_of,
     in_figure,
     in_figure_unit,
