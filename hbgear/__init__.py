@@ -38,8 +38,9 @@ if TYPE_CHECKING:  # imported when they are first used
     from hbgear.harmonic.harmonic_balance import HarmonicBalance
     from hbgear.io.branches.npz import load, save
     from hbgear.mechanics.laws.laws import Backlash, Cubic, Unilateral
-    from hbgear.mechanics.models import Element, Load, System
+    from hbgear.mechanics.models import System
     from hbgear.mechanics.oscillators import Duffing
+    from hbgear.mechanics.structures.elements import Element, Load
     from hbgear.time.validation.validate import validate
     from hbgear.web import report
 

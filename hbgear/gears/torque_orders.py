@@ -16,7 +16,7 @@ from typing import Any
 from hbgear.common.arrays import Array
 from hbgear.common.text.messages import quoted
 from hbgear.common.units import to_si
-from hbgear.mechanics.models import Load
+from hbgear.mechanics.structures.elements import Load
 
 LARGEST_DENOMINATOR = 60
 """Largest denominator of an order. With larger ones the common period with the meshes is too long for a balance."""

@@ -23,8 +23,9 @@ from hbgear.io.matrix_files.matlab import read_matlab
 from hbgear.io.matrix_files.matlab_hdf5 import is_hdf5, read_hdf5
 from hbgear.io.matrix_files.matrix_market import DamagedFileError, read_matrix_market
 from hbgear.io.matrix_files.unpacked_size import SPARE, TIMES, TooMuch, check_mtx
-from hbgear.mechanics.models import Element, Load, System
+from hbgear.mechanics.models import System
 from hbgear.mechanics.series.fourier import is_listed
+from hbgear.mechanics.structures.elements import Element, Load
 from hbgear.mechanics.structures.matrices import square
 from hbgear.mechanics.structures.modal_damping import modal_damping
 from hbgear.mechanics.structures.receptances import vector_along

@@ -15,12 +15,13 @@ if TYPE_CHECKING:  # imported when they are first used
     from hbgear.mechanics.laws.registry import register_law
     from hbgear.mechanics.laws.slider import Slider
     from hbgear.mechanics.laws.vector_laws import Directed, Polynomial, RadialClearance, VectorLaw
-    from hbgear.mechanics.models import Element, Load, Model, Reaction, System, VectorElement
+    from hbgear.mechanics.models import Model, System
     from hbgear.mechanics.oscillators import Duffing
     from hbgear.mechanics.plausibility import ImplausibleInputWarning
     from hbgear.mechanics.reduction import Reduction, reduce
     from hbgear.mechanics.series.fourier import Series
     from hbgear.mechanics.series.periodic import Periodic
+    from hbgear.mechanics.structures.elements import Element, Load, Reaction, VectorElement
     from hbgear.mechanics.structures.modal_damping import modal_damping
     from hbgear.mechanics.structures.receptances import Receptances
     from hbgear.mechanics.structures.speed_terms import MatrixTable, SpeedTerms

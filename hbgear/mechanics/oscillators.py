@@ -8,7 +8,8 @@ from typing import ClassVar
 
 from hbgear.common.ranges import NOT_NEGATIVE, Range
 from hbgear.mechanics.laws.laws import Cubic
-from hbgear.mechanics.models import Element, Load, Model, System
+from hbgear.mechanics.models import Model, System
+from hbgear.mechanics.structures.elements import Element, Load
 
 
 @dataclass(frozen=True)

@@ -32,8 +32,9 @@ import scipy
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import counted
-from hbgear.mechanics.models import Load, Model, System
+from hbgear.mechanics.models import Model, System
 from hbgear.mechanics.reference_stiffness import references
+from hbgear.mechanics.structures.elements import Load
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,9 +17,10 @@ from hbgear.analysis.certificates.conditions import NotCertifiedError
 from hbgear.common.arrays import Array
 from hbgear.harmonic.instants.equations import Equations
 from hbgear.mechanics.laws.laws import PiecewiseLinear
-from hbgear.mechanics.models import Element, Load, System
+from hbgear.mechanics.models import System
 from hbgear.mechanics.series.fourier import Series
 from hbgear.mechanics.series.periodic import Periodic, Phased
+from hbgear.mechanics.structures.elements import Element, Load
 
 MAX_CERTIFIED_COORDINATES = 12
 """Largest number of coordinates: ball arithmetic of larger matrices takes minutes."""

@@ -38,9 +38,9 @@ from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.harmonic.models.frequency_units import length_scale, speeds_at
 from hbgear.harmonic.models.model_registry import rebuild_problem
 from hbgear.mechanics.laws.mesh_contacts import MeshContacts
-from hbgear.mechanics.models import Reaction
 from hbgear.mechanics.series.fourier import evaluate, stretch, to_complex, to_real
 from hbgear.mechanics.series.measures import derivative, half_peak_to_peak, rms
+from hbgear.mechanics.structures.elements import Reaction
 
 REFERENCE = 1e-6
 """Reference acceleration of 0 dB [m/s^2], as of ISO 1683."""

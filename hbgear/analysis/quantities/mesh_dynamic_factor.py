@@ -21,8 +21,9 @@ from hbgear.continuation.results.point import Point
 from hbgear.harmonic.equations.layout import Layout, layout_of
 from hbgear.harmonic.forces.breakpoints import gap_samples
 from hbgear.mechanics.laws.mesh_contacts import MeshContacts
-from hbgear.mechanics.models import Element, Model
+from hbgear.mechanics.models import Model
 from hbgear.mechanics.series.fourier import stretch, to_complex
+from hbgear.mechanics.structures.elements import Element
 
 _FORCE_ACCURACY = 1e-6
 """Relative accuracy of the forces of a motion."""

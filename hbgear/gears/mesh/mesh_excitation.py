@@ -25,10 +25,11 @@ from hbgear.common.ranges import counted
 from hbgear.common.text.messages import quoted
 from hbgear.mechanics.laws.laws import Backlash, Law, checked_contact
 from hbgear.mechanics.laws.mesh_contacts import MeshContacts
-from hbgear.mechanics.models import Load, Model
+from hbgear.mechanics.models import Model
 from hbgear.mechanics.series.fourier import MOST_HARMONICS, Series, stretch, to_complex
 from hbgear.mechanics.series.periodic import Periodic, Phased
 from hbgear.mechanics.series.piecewise_polynomial import TURN
+from hbgear.mechanics.structures.elements import Load
 from hbgear.mechanics.structures.scales import Scales
 
 

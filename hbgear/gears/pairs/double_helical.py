@@ -39,9 +39,10 @@ from hbgear.common.arrays import Array
 from hbgear.gears.pairs.double_helical_geometry import NODES, DoubleHelicalGeometry
 from hbgear.gears.pairs.support import AXES, reactions
 from hbgear.mechanics.laws.laws import Backlash
-from hbgear.mechanics.models import Element, Load, Reaction, System
+from hbgear.mechanics.models import System
 from hbgear.mechanics.series.fourier import Series
 from hbgear.mechanics.series.periodic import Phased
+from hbgear.mechanics.structures.elements import Element, Load, Reaction
 
 
 @dataclass(frozen=True)

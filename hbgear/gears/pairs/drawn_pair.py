@@ -23,7 +23,8 @@ from hbgear.gears.mesh.tooth_friction import checked_friction
 from hbgear.gears.pairs.pair_models import build_model
 from hbgear.gears.pairs.support import Support
 from hbgear.gears.torque_orders import torque_orders as checked_orders
-from hbgear.mechanics.models import Model, Reaction, System
+from hbgear.mechanics.models import Model, System
+from hbgear.mechanics.structures.elements import Reaction
 from hbgear.mechanics.structures.scales import Scales
 
 GEARS = ("pinion", "wheel")

@@ -34,9 +34,10 @@ from hbgear.gears.mesh.mesh_excitation import MeshExcitation
 from hbgear.gears.pairs.support import AXES, reactions
 from hbgear.mechanics.laws.mesh_contacts import MeshContacts
 from hbgear.mechanics.laws.vector_laws import SlidingTeeth
-from hbgear.mechanics.models import Element, Reaction, System, VectorElement
+from hbgear.mechanics.models import System
 from hbgear.mechanics.series.fourier import Series
 from hbgear.mechanics.series.periodic import Phased
+from hbgear.mechanics.structures.elements import Element, Reaction, VectorElement
 from hbgear.mechanics.structures.scales import Scales
 
 _POSITIVE = ("r_p", "r_g", "m_p", "m_g", "I_p", "I_g", "D_p", "D_g", "k_mean", "b_c")

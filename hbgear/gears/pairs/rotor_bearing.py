@@ -18,9 +18,10 @@ from hbgear.gears.mesh.mesh_excitation import MeshExcitation
 from hbgear.mechanics.laws.laws import Backlash
 from hbgear.mechanics.laws.mesh_contacts import MeshContacts
 from hbgear.mechanics.laws.vector_laws import SlidingTeeth
-from hbgear.mechanics.models import Element, System, VectorElement
+from hbgear.mechanics.models import System
 from hbgear.mechanics.series.fourier import Series
 from hbgear.mechanics.series.periodic import Phased
+from hbgear.mechanics.structures.elements import Element, VectorElement
 
 _POSITIVE = ("mu_1", "mu_2", "kappa_1", "kappa_2")
 

@@ -14,9 +14,10 @@ from typing import ClassVar, Literal
 from hbgear.common.ranges import NOT_NEGATIVE, Range
 from hbgear.gears.mesh.mesh_excitation import MeshExcitation
 from hbgear.mechanics.laws.mesh_contacts import MeshContacts
-from hbgear.mechanics.models import Element, System
+from hbgear.mechanics.models import System
 from hbgear.mechanics.series.fourier import Series
 from hbgear.mechanics.series.periodic import Phased
+from hbgear.mechanics.structures.elements import Element
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ import numpy as np
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, Range
 from hbgear.common.units import OptionalQuantityField, QuantityField
-from hbgear.mechanics.models import Reaction
+from hbgear.mechanics.structures.elements import Reaction
 
 AXES = ("x", "y", "z", "theta_x", "theta_y", "theta")
 """Coordinates of a gear in space: across the shaft (x, y), along it (z), tilts, and rotation about it."""

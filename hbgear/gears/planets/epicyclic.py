@@ -34,7 +34,8 @@ from hbgear.gears.planets.epicyclic_layout import CARRIER, EpicyclicLayout
 from hbgear.gears.torque_orders import exact_order, order_load
 from hbgear.mechanics.laws.laws import Law, PiecewiseLinear
 from hbgear.mechanics.laws.mesh_contacts import MeshContacts
-from hbgear.mechanics.models import Element, Load, System
+from hbgear.mechanics.models import System
+from hbgear.mechanics.structures.elements import Element, Load
 
 ZERO_SQUARE = 1e-9
 """Square of a frequency, over the largest one, that is attributed to rounding."""

@@ -43,9 +43,10 @@ from hbgear.gears.planets.planetary_modes import PlanetMode, natural_modes, turn
 from hbgear.gears.torque_orders import exact_order, order_load
 from hbgear.mechanics.laws.laws import Backlash, Law
 from hbgear.mechanics.laws.mesh_contacts import MeshContacts
-from hbgear.mechanics.models import Element, Load, System
+from hbgear.mechanics.models import System
 from hbgear.mechanics.series.fourier import Series
 from hbgear.mechanics.series.periodic import Phased
+from hbgear.mechanics.structures.elements import Element, Load
 from hbgear.mechanics.structures.speed_terms import SpeedTerms
 
 _LETTERS = dict(zip(MEMBERS, "crs", strict=True))

@@ -33,7 +33,8 @@ from hbgear.gears.trains.train_kinematics import inner_first, line_of_action
 from hbgear.gears.trains.train_layout import TrainLayout
 from hbgear.mechanics.laws.laws import Backlash, Law
 from hbgear.mechanics.laws.vector_laws import Component, RadialClearance
-from hbgear.mechanics.models import Element, Load, Reaction, System
+from hbgear.mechanics.models import System
+from hbgear.mechanics.structures.elements import Element, Load, Reaction
 from hbgear.mechanics.structures.speed_terms import MatrixTable, SpeedTerms
 
 

@@ -20,8 +20,8 @@ from hbgear.common.arrays import Array
 from hbgear.gears.trains.train_kinematics import line_of_action
 from hbgear.mechanics.laws.mesh_contacts import MeshContacts
 from hbgear.mechanics.laws.vector_laws import SlidingTeeth
-from hbgear.mechanics.models import Element, VectorElement
 from hbgear.mechanics.series.fourier import Series
+from hbgear.mechanics.structures.elements import Element, VectorElement
 
 if TYPE_CHECKING:
     from hbgear.gears.trains.train_components import Mesh, Wheel

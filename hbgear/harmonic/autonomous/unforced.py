@@ -13,9 +13,10 @@ import numpy as np
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.harmonic.structure.derived_model import DerivedModel
 from hbgear.mechanics.laws.laws import Law, Parallel
-from hbgear.mechanics.models import Element, Load, Model, System
+from hbgear.mechanics.models import Model, System
 from hbgear.mechanics.plausibility import ImplausibleInputWarning
 from hbgear.mechanics.series.fourier import Series
+from hbgear.mechanics.structures.elements import Element, Load
 
 
 class Unforced(DerivedModel):

@@ -20,10 +20,10 @@ from hbgear.common.arrays import Array, ComplexArray
 from hbgear.harmonic.forces.packed_laws import Packing
 from hbgear.mechanics.laws.laws import Law
 from hbgear.mechanics.laws.mesh_contacts import contacts_of
-from hbgear.mechanics.models import Element
 from hbgear.mechanics.series.fourier import derive, evaluate, samples_of, stretch, to_complex, to_real
 from hbgear.mechanics.series.periodic import Periodic, Phased, pieces_of
 from hbgear.mechanics.series.piecewise_polynomial import ONE, TURN, Pieced
+from hbgear.mechanics.structures.elements import Element
 
 
 class PiecewiseExcitation(NamedTuple):

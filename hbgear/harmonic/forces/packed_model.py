@@ -21,8 +21,8 @@ from hbgear.harmonic.forces.packed_laws import PackedLaws
 from hbgear.mechanics.laws.compiled_law import CompiledLaw
 from hbgear.mechanics.laws.laws import Law
 from hbgear.mechanics.laws.slider import friction_limits
-from hbgear.mechanics.models import Element
 from hbgear.mechanics.series.fourier import to_complex
+from hbgear.mechanics.structures.elements import Element
 
 
 class UserLaws(NamedTuple):

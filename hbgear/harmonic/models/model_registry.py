@@ -43,9 +43,10 @@ from hbgear.mechanics.fields import check_names, made, plain_kinds_of
 from hbgear.mechanics.function_model import SystemOfLaws
 from hbgear.mechanics.laws.mesh_contacts import ToothSliding
 from hbgear.mechanics.model_lookup import find_model_class, installed
-from hbgear.mechanics.models import Element, Load, Model, System
+from hbgear.mechanics.models import Model, System
 from hbgear.mechanics.oscillators import Duffing
 from hbgear.mechanics.serialization import from_plain
+from hbgear.mechanics.structures.elements import Element, Load
 from hbgear.mechanics.structures.receptances import Receptances
 from hbgear.mechanics.structures.speed_terms import MatrixTable, SpeedTerms
 

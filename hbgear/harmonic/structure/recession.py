@@ -18,8 +18,9 @@ from hbgear.harmonic.structure.derived_model import DerivedModel
 from hbgear.mechanics.laws.friction import ContactFriction
 from hbgear.mechanics.laws.laws import Cubic, Forces, Law, Parallel, PiecewiseLinear
 from hbgear.mechanics.laws.mesh_contacts import contacts_of
-from hbgear.mechanics.models import Load, System
+from hbgear.mechanics.models import System
 from hbgear.mechanics.series.fourier import Series
+from hbgear.mechanics.structures.elements import Load
 
 _RECESSION_LENGTH = 1e12
 """Displacement, in the unit of the model, at which a law is evaluated as its limit: any gap is negligible."""

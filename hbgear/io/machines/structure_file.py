@@ -41,8 +41,9 @@ from hbgear.io.receptance_files import from_receptances
 from hbgear.mechanics.function_model import SystemOfLaws
 from hbgear.mechanics.laws.registry import ELEMENT_KEYS, LAWS
 from hbgear.mechanics.laws.vector_laws import VectorLaw
-from hbgear.mechanics.models import Element, Load, System, VectorElement
+from hbgear.mechanics.models import System
 from hbgear.mechanics.series.fourier import Series
+from hbgear.mechanics.structures.elements import Element, Load, VectorElement
 from hbgear.mechanics.structures.receptances import Receptances
 
 

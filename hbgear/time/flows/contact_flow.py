@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from hbgear.common.arrays import Array
-from hbgear.mechanics.models import Element
+from hbgear.mechanics.structures.elements import Element
 from hbgear.time.exponential.segments import Integers
 from hbgear.time.flows.step_exits import exits_in_step
 from hbgear.time.flows.structure_states import displacement_scales

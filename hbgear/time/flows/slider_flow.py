@@ -19,7 +19,7 @@ import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.mechanics.laws.slider import friction_limits
-from hbgear.mechanics.models import Element
+from hbgear.mechanics.structures.elements import Element
 from hbgear.time.exponential.segments import SAMPLES_PER_STEP, Integers, first_exit, segment_at
 from hbgear.time.flows.structure_states import displacement_scales
 

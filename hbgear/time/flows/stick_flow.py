@@ -21,7 +21,7 @@ import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.mechanics.laws.friction import RigidFriction
-from hbgear.mechanics.models import Element
+from hbgear.mechanics.structures.elements import Element
 from hbgear.time.exponential.segments import Integers
 from hbgear.time.flows.step_exits import exits_in_step
 

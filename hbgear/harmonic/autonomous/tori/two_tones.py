@@ -36,10 +36,11 @@ from hbgear.harmonic.autonomous.tori.stability import birkhoff_weights, stabilit
 from hbgear.harmonic.equations.evaluator import Evaluator
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.harmonic.structure.derived_model import DerivedModel
-from hbgear.mechanics.models import Element, Load, Model, System
+from hbgear.mechanics.models import Model, System
 from hbgear.mechanics.plausibility import warn
 from hbgear.mechanics.serialization import to_plain
 from hbgear.mechanics.series.fourier import Series, to_complex
+from hbgear.mechanics.structures.elements import Element, Load
 
 COMMON_BASE_TOLERANCE = 1e-6
 """Distance of q times the ratio from a whole number, below which both frequencies have a common base."""
