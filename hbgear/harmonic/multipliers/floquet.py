@@ -231,10 +231,10 @@ def _retained_frequency(compiled: Evaluator, X: Array, Omega: Array) -> tuple[Ar
     limit: Array = MAX_RETAINED_FREQUENCY_RATIO * compiled.H * Omega / compiled.nu
     if compiled.aft_laws or compiled.damped or compiled.sliders:
         return limit, np.zeros((len(X), compiled.m))
-    from hbgear.harmonic.multipliers import monodromy_kernels
+    from hbgear.harmonic.multipliers.stiffness_kernels import slopes
 
     stiffness = np.zeros((len(X), compiled.m, STIFFNESS_SAMPLES * compiled.nu))
-    monodromy_kernels.slopes(compiled.packed_of(X), X, stiffness)
+    slopes(compiled.packed_of(X), X, stiffness)
     largest = np.abs(stiffness).max(axis=2)
     size = np.abs(np.fft.rfft(stiffness)).max(axis=1)
     significant = size > SIGNIFICANT_STIFFNESS_RATIO * size.max(axis=1, keepdims=True)

@@ -43,27 +43,27 @@ def monodromy_with_python_laws(
 ) -> None:  # fmt: skip
     """Compute the monodromy matrix of one motion of a model with Python laws, whose slopes are evaluated here."""
     from hbgear.harmonic.forces.projection_kernels import projection_workspace
-    from hbgear.harmonic.multipliers import monodromy_kernels
+    from hbgear.harmonic.multipliers import monodromy_kernels, stiffness_kernels
 
     block = _with_coupled_ports(block, compiled)
     packed, nu, ports = compiled.packed_of(X), compiled.nu, block.modes.ports
     rows, omega = X.reshape(compiled.m, -1), Omega / nu
     space, coarse = (
         projection_workspace(packed, compiled.m, rows.shape[1] // 2, 0),
-        monodromy_kernels.circle(monodromy_kernels.MODULATION_SAMPLES * nu),
+        stiffness_kernels.circle(stiffness_kernels.MODULATION_SAMPLES * nu),
     )
     largest = np.abs(slopes_at(compiled, rows, omega, coarse[0])[0]).max(axis=1)
     for elements, slopes in vector_slopes_at(compiled, rows, omega, coarse[0]):
         largest[elements] += np.abs(slopes[0]).sum(axis=1).max(axis=1)
     buffers = np.empty((6, coarse.shape[1])), np.empty(coarse.shape[1])
-    rate = monodromy_kernels.modulation_rate(packed, rows, mobility, coarse, space.waves, *buffers)
+    rate = stiffness_kernels.modulation_rate(packed, rows, mobility, coarse, space.waves, *buffers)
     scheme, longest = monodromy_kernels.step_of(
         max(rate, float(np.sqrt((mobility * largest).max()))), omega, nu, schemes, MAX_STEP_OVER_PERIOD, block.modes,
         mobility, float(MAX_STEPS_PER_PERIOD),
     )  # fmt: skip
     x, L, _, turn = schemes[scheme]
     if resolve:
-        order = monodromy_kernels.modulation_order(packed, rows, space.waves, 1.0 / (2 * len(x) + 1))
+        order = stiffness_kernels.modulation_order(packed, rows, space.waves, 1.0 / (2 * len(x) + 1))
         longest = monodromy_kernels.limit_step_by_order(longest, order, turn, float(MAX_STEPS_PER_PERIOD))
     longest = monodromy_kernels.limit_step_by_growth(longest, omega, block.modes.poles)
     check_steps(2 * np.pi / longest if 2 * np.pi / longest > MAX_STEPS_PER_PERIOD else 0.0)
