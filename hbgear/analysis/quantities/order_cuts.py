@@ -22,7 +22,7 @@ from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point, dof_index
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.harmonic.models.frequency_units import model_of
-from hbgear.mechanics.series.measures import derivative
+from hbgear.mechanics.series.measures import derivative, harmonic
 
 LOWEST_LEVEL_RATIO = 1e-15
 """Value over the reference below which the level remains -300 dB: a harmonic that is zero has no level."""
@@ -96,7 +96,7 @@ def order_amplitudes(
             samples = element_force(problem, row, parameters, index)
             size = 2 * abs(np.fft.rfft(samples)[order * problem.nu]) / len(samples)
         else:
-            size = _harmonic(_row(problem, row, parameters, index, quantity, dof), order * problem.nu)
+            size = float(harmonic(_row(problem, row, parameters, index, quantity, dof), order * problem.nu))
         scales: Any = problem.model_at(parameters).scales
         unit = 1.0 if scales is None else getattr(scales, CUTS[quantity].scale) * CUTS[quantity].factor
         values[i] = size / np.sqrt(2) * unit
@@ -198,7 +198,3 @@ def _row(
         row = problem.motion(X, **parameters)[dof_index(dof, problem.dof_names)]
     out: Array = derivative(row[None], np.array([parameters["Omega"] / problem.nu]), 2)[0]
     return out
-
-
-def _harmonic(row: Array, k: int) -> float:
-    return float(np.hypot(row[2 * k - 1], row[2 * k]))
