@@ -110,17 +110,7 @@ def scatter(
     with outputs() as out:
         out.figure(plot, lambda drawing: drawing.band(band, sigmas=sigmas))
         if jumps:
-            rows = [
-                [label, "rising" if t.direction > 0 else "falling", f"{t.value:.6g}", f"{t.first:.3g}",
-                 _number_or_dash(t.sampled, ".3g"), str(t.lost), *(f"{effect:+.3g}" for effect in t.effects.values())]
-                for label, t in jumps
-            ]  # fmt: skip
-            title = f"standard deviation of each jump: first order, {draws} draws, and contribution of each parameter"
-            print_table(["jump", "sweep", jumps[0][1].unit, "+-", "drawn", "lost", *deviations], rows, title)
-            for label, t in jumps:
-                if t.lost:
-                    count = f"{t.lost} of {draws} draws"
-                    print(f"{label} vanishes in {count}; the deviation is that of the others")
+            _print_scatter(jumps, draws)
         else:
             print("no curve of the file has jumps" if branch.others else "the curve has no jumps")
         for name, effect in zip(band.parameters, band.effects.T, strict=True):
@@ -300,6 +290,20 @@ def _bounds(model: hb.mechanics.Model, text: str) -> tuple[str, tuple[float, flo
     if not (name and colon):
         raise ValueError(f"{text}: need NAME or NAME=LOW:HIGH, such as zeta=0.01:0.2")
     return name, (value_in_model(model, "--free", name, low), value_in_model(model, "--free", name, high))
+
+
+def _print_scatter(jumps: list[tuple[str, hb.design.JumpTolerance]], draws: int) -> None:
+    """Print the standard deviation of each jump, given with its label, and the draws in which it vanishes."""
+    rows = [
+        [label, "rising" if t.direction > 0 else "falling", f"{t.value:.6g}", f"{t.first:.3g}",
+         _number_or_dash(t.sampled, ".3g"), str(t.lost), *(f"{effect:+.3g}" for effect in t.effects.values())]
+        for label, t in jumps
+    ]  # fmt: skip
+    title = f"standard deviation of each jump: first order, {draws} draws, and contribution of each parameter"
+    print_table(["jump", "sweep", jumps[0][1].unit, "+-", "drawn", "lost", *jumps[0][1].effects], rows, title)
+    for label, t in jumps:
+        if t.lost:
+            print(f"{label} vanishes in {t.lost} of {draws} draws; the deviation is that of the others")
 
 
 def _number_or_dash(number: float, form: str) -> str:
