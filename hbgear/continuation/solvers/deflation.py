@@ -36,7 +36,7 @@ def same_solution(X: Array, Y: Array) -> bool:
 _TOLERANCE = NewtonSettings().tolerance
 """Relative residual of a solution."""
 
-_MAX_ITERATIONS = 60
+_MAX_DEFLATED_ITERATIONS = 60
 """Largest number of iterations: deflated residuals decrease slowly as long as a known solution is near."""
 
 
@@ -63,7 +63,7 @@ def deflated_newton(
     """
     scale = max([float(np.linalg.norm(Y)) for Y in solutions] + [1e-6])
     evaluation = problem.linearise(X, "", **parameters)
-    for _ in range(_MAX_ITERATIONS):
+    for _ in range(_MAX_DEFLATED_ITERATIONS):
         if float(np.linalg.norm(evaluation.R)) <= _TOLERANCE * evaluation.size:
             return None if any(same_solution(X, Y) for Y in solutions) else X
         try:
