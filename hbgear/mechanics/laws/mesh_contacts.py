@@ -275,11 +275,7 @@ class MeshContacts(Law):  # numpydoc ignore=PR02
             The forces; zero across without friction.
         """
         starts, rows, side = self._sliding_table
-        phase = np.mod(tau, TURN)
-        piece = np.searchsorted(starts, phase, side="right") - 1
-        x = (phase - starts[piece])[..., None, None]
-        c = rows[piece]
-        values = c[..., 0] + x * (c[..., 1] + x * (c[..., 2] + x * c[..., 3]))
+        values = _cubics_at(tau, starts, rows)
         depth = side * (np.asarray(d)[..., None] - values[..., 0, :])
         closed = depth > 0.0
         forces = np.sum(values[..., 1:, :] * (closed * depth)[..., None, :], axis=-1)
@@ -323,11 +319,7 @@ class MeshContacts(Law):  # numpydoc ignore=PR02
 
     def bind(self, tau: Array) -> Callable[[Array, Array], Forces]:
         starts, rows, side = self._table
-        phase = np.mod(tau, TURN)
-        piece = np.searchsorted(starts, phase, side="right") - 1
-        x = (phase - starts[piece])[..., None, None]
-        c = rows[piece]
-        values = c[..., 0] + x * (c[..., 1] + x * (c[..., 2] + x * c[..., 3]))
+        values = _cubics_at(tau, starts, rows)
         k, level = values[..., 0, :], values[..., 1, :]
 
         def forces(d: Array, v: Array) -> Forces:
@@ -484,6 +476,15 @@ def _crossings(rows: Array, present: np.ndarray, width: float) -> list[tuple[flo
         if not out or out[-1][1] != lowest:
             out.append((a, lowest))
     return out
+
+
+def _cubics_at(tau: Array, starts: Array, rows: Array) -> Array:
+    """Return the values (..., F, J) at phases tau (...) of cubics, rows (T, F, J, 4) from the phases ``starts`` on."""
+    phase = np.mod(tau, TURN)
+    piece = np.searchsorted(starts, phase, side="right") - 1
+    x, c = (phase - starts[piece])[..., None, None], rows[piece]
+    values: Array = c[..., 0] + x * (c[..., 1] + x * (c[..., 2] + x * c[..., 3]))
+    return values
 
 
 def _union(beginnings: Sequence[Array]) -> Array:
