@@ -13,6 +13,7 @@ import signal
 import sys
 import warnings
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -104,10 +105,17 @@ def main(args: Sequence[str] | None = None) -> None:
     """Run the command and exit."""
     with sigterm_like_ctrl_c(), warnings.catch_warnings():
         warnings.simplefilter("ignore", DeprecationWarning)  # of libraries: users of a command cannot act on them
-        warnings.showwarning = lambda message, *_, **__: print_message("warning", message)
+        warnings.showwarning = partial(_show_once, set())
         code = _output_exit_code(_run(list(sys.argv[1:] if args is None else args) or ["--help"]))
         atexit.register(_ignore_interrupts)  # registered last, so that it runs first
         sys.exit(code)
+
+
+def _show_once(shown: set[str], message: Warning | str, *_: Any, **__: Any) -> None:
+    """Print a warning, unless an earlier one has the same text: a command may set up several problems of one model."""
+    if str(message) not in shown:
+        shown.add(str(message))
+        print_message("warning", message)
 
 
 def _ignore_interrupts() -> None:

@@ -213,8 +213,11 @@ def show_jumps(
         headers, rows, notes = jump_table(branch, measure, element, other_branches, names, dimensionless)
         print_table(headers, rows, "jumps of a slow sweep")
     else:
-        known = branch.multipliers is not None
-        notes = ["no jumps on this curve" if known else "jumps unknown: traced without stability"]
+        notes = ["no jumps on this curve"]
+        if branch.parameter == "amplitude":
+            notes = ["a backbone has no jumps: they belong to response curves (hbgear trace)"]
+        elif branch.multipliers is None:
+            notes = ["jumps unknown: traced without stability"]
     for note in (*notes, *leaving_lines(branch)):
         print_text(note)
 

@@ -30,7 +30,7 @@ from typing import Annotated, Any, TypeVar
 
 import numpy as np
 
-from hbgear.common.text.messages import article, quoted, shortened
+from hbgear.common.text.messages import article, did_you_mean, quoted, shortened
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -71,7 +71,13 @@ def checked_arguments(**needs: str) -> Callable[[F], F]:
                 bound = dict(zip(names, args, strict=False), **given)
                 if len(bound) == len(args) + len(given) and needed <= bound.keys() <= parameters.keys():
                     return bound
-            return signature.bind(*args, **given).arguments
+            try:
+                return signature.bind(*args, **given).arguments
+            except TypeError as error:
+                own = [key for key in parameters if key != "self"]
+                unknown = [key for key in given if key not in parameters] if single else []
+                listed = did_you_mean(unknown[0], own, "its arguments are:") if unknown else ""
+                raise TypeError(f"{call.__qualname__.removesuffix('.__init__')}: {error}{listed}") from None
 
         @functools.wraps(call)
         def checked(*args: Any, **given: Any) -> Any:

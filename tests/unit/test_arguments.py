@@ -120,3 +120,12 @@ def test_long_values_are_cut():
         with pytest.raises(ValueError) as caught:
             f(value)
         assert len(str(caught.value)) < 200
+
+
+def test_unknown_and_missing_arguments_name_the_function_and_its_arguments():
+    with pytest.raises(TypeError, match=r"HarmonicBalance: .* 'H'; its arguments are: model, harmonics, samples"):
+        hb.HarmonicBalance(hb.Duffing(), H=5)
+    with pytest.raises(TypeError, match=r"'n_harmonics'; did you mean 'harmonics'\?"):
+        hb.HarmonicBalance(hb.Duffing(), n_harmonics=5)
+    with pytest.raises(TypeError, match=r"^trace: missing a required argument: 'span'$"):
+        hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), (0.5, 1.5))

@@ -228,7 +228,7 @@ def test_early_stop_saves_and_returns_3(run):
     code, out, _ = run(*QUICK, "--max-points", 6, "-o", "d.npz", "--plot", "d.png")
     curve = hb.load("d.npz")
     assert code == 3 and len(curve) == 6 and curve.status is hb.Status.MAX_POINTS
-    assert Path("d.png").exists() and "allow more points" in out
+    assert Path("d.png").exists() and ". Allow more points" in out
 
 
 def test_interrupt_saves_and_returns_3(run, monkeypatch):
@@ -612,6 +612,13 @@ def test_help_names_only_options_of_its_own_command(name):
     assert {option for text in texts for option in re.findall(r"--[a-z][a-z-]*", text or "")} <= own
 
 
+def test_a_saved_curve_is_no_model(run):
+    assert (
+        "'pair.npz' is the name of a saved curve; give a model, FILE.toml or FILE.py:NAME"
+        in run("trace", "pair.npz")[2]
+    )
+
+
 # ---- what is unlikely
 
 
@@ -627,6 +634,7 @@ def test_unlikely_input_is_computed_with_a_warning(run, args, words):
     code, _, err = run("trace", *args.split(), "--no-stability")
     assert code == 0 and err.startswith("hbgear: warning: ")
     assert all(word in err for word in words)
+    assert len(err.splitlines()) == len(set(err.splitlines()))
 
 
 def test_the_models_tell_their_ranges(run):

@@ -70,6 +70,7 @@ def test_backbone(tmp_path):
     done = run("backbone", "spur-pair", "--amplitudes", "0.01:0.2", "-o", f"{tmp_path}/b.npz", "--plot",
                f"{tmp_path}/b.png")  # fmt: skip
     assert done.exit_code == 0 and "backbone of mode 1" in done.output
+    assert "a backbone has no jumps: they belong to response curves" in run("jumps", f"{tmp_path}/b.npz").output
     saved = hb.load(tmp_path / "b.npz")
     first, *_ = [line for line in done.output.splitlines() if line.strip().startswith("1 ")]
     assert numbers(first)[:2] == pytest.approx([saved.tracked["Omega"][0], saved.tracked["modal_damping"][0]], abs=1e-4)

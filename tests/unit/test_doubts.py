@@ -148,6 +148,8 @@ def test_implausible_input_is_refused_before_the_work(act, message):
 def test_an_element_without_a_law_is_reported():
     with pytest.raises(TypeError, match="element 'mesh': law must be a hbgear Law, got None"):
         hb.Element([1.0], None, name="mesh")
+    with pytest.raises(TypeError, match=r"Element: law must be .*, got a function; .* derived from hb\.mechanics\.Law"):
+        hb.Element([1.0], lambda d: d**3)
 
 
 def test_derivatives_and_samples_that_cannot_be_meant_are_refused():

@@ -132,7 +132,7 @@ def test_a_trace_survives_any_exception_at_any_call(work, error, tmp_path):
             assert len(part) == len(whole) and np.array_equal(part.multipliers, whole.multipliers)
             continue
         assert part.status is (Status.INTERRUPTED if error is KeyboardInterrupt else Status.FAILED), n
-        assert part.status.advice in part.message, n
+        assert part.status.advice[1:] in part.message, n
         if work is not folds and error is KeyboardInterrupt:  # special points are monitored last
             unseen = np.flatnonzero(~np.isfinite(part.multipliers).all(axis=1))
             assert set(part.values[unseen]) <= {point.parameters["Omega"] for point in part.special}, n

@@ -385,7 +385,8 @@ def test_steps_stay_within_their_limits():
 def test_max_points():
     curve = trace(CIRCLE, "p", (-2, 2), at(1, 0), steps=StepControl(max_points=12), special=False)
     assert curve.status is Status.MAX_POINTS and len(curve) == 12 and "12 points" in curve.message
-    assert curve.status.advice in curve.message and not curve.status.complete
+    advice = curve.status.advice
+    assert f". {advice[0].upper()}{advice[1:]}" in curve.message and not curve.status.complete
 
 
 def test_interruption_keeps_the_points():

@@ -245,3 +245,12 @@ def test_a_point_at_either_end_of_the_span_starts_the_whole_curve(make):
         assert kinds == [point.kind for point in points]
         for point, expected in zip(points, whole.special, strict=True):
             assert point.parameters["Omega"] == pytest.approx(expected.parameters["Omega"], rel=1e-8)
+
+
+def test_a_start_beyond_the_span_by_rounding_is_at_its_beginning():
+    problem, first = hb.HarmonicBalance(hb.Duffing(), 5), 0.5 * (1 + 1e-12)
+    last = hb.trace(problem, "Omega", (0.4, 0.5))[-1]
+    again = hb.trace(problem, "Omega", (first, 0.6), start=last)
+    assert again.status == "reached_end" and again.values[0] == first
+    with pytest.raises(ValueError, match=r"the start has Omega = 0\.5, outside the span"):
+        hb.trace(problem, "Omega", (0.5 * (1 + 1e-6), 0.6), start=last)

@@ -117,7 +117,8 @@ class Termination:
     @property
     def message_with_advice(self) -> str:
         """The message, followed by the advice if the computation is not complete."""
-        return self.message if self.status.complete else f"{self.message}. {self.advice or self.status.advice}"
+        advice = self.advice or self.status.advice
+        return self.message if self.status.complete else f"{self.message}. {advice[:1].upper()}{advice[1:]}"
 
 
 def error_text(error: BaseException) -> str:

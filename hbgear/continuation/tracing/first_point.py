@@ -18,6 +18,7 @@ Govaerts, Numerical Methods for Bifurcations of Dynamical Equilibria (2000), htt
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
@@ -105,11 +106,17 @@ def begin(setup: TraceSetup, start: Point | BranchStart | Array | None) -> tuple
 # ---- initial solution
 
 
+START_ROUNDING = 1e-9
+"""Difference of a start from the beginning of the span, relative to its value, that is attributed to rounding."""
+
+
 def _initial_guess(setup: TraceSetup, start: Point | Array | None) -> tuple[float, Array]:
     """Return the parameter value and the unknowns at which a trace begins."""
     problem, name, span = setup.problem, setup.name, setup.span
     if isinstance(start, Point):
         value, (low, high) = start.parameters.get(name, span.start), span.bounds
+        if not low <= value <= high and math.isclose(value, span.start, rel_tol=START_ROUNDING):
+            value = span.start
         if not low <= value <= high:
             raise ValueError(
                 f"the start has {name} = {value:.6g}, outside the span ({span.start:.6g}, {span.end:.6g}); "

@@ -108,7 +108,9 @@ def model_class(name: str) -> type[Model]:
         return find_model_class(name)
     names = [*MODELS, *installed()]
     if name not in names:
-        raise KeyError(f"there is no model '{name}'{did_you_mean(name, names)}")
+        if name.endswith(".npz"):
+            raise KeyError(f"'{name}' is the name of a saved curve; give a model, FILE.toml or FILE.py:NAME")
+        raise KeyError(f"there is no model '{name}'{did_you_mean(name, names, 'there are')}")
     return find_model_class(name)
 
 

@@ -67,12 +67,15 @@ class Element:  # numpydoc ignore=PR02
 
     def __post_init__(self) -> None:
         check("Element", "name", self.name, str)
-        owner = f"element '{self.name}'"
+        owner = f"element '{self.name}'" if self.name else "Element"
         w = real_numbers(f"{owner}: direction", self.direction, "a vector of numbers")
         if w.ndim != 1 or not np.all(np.isfinite(w)) or not np.any(w):
-            raise ValueError(f"element '{self.name}': direction must be a finite non-zero vector, got {w}")
+            raise ValueError(f"{owner}: direction must be a finite non-zero vector, got {w}")
         if not isinstance(self.law, Law):
-            raise TypeError(f"element '{self.name}': law must be a hbgear Law, got {quoted(self.law)}")
+            raise TypeError(
+                f"{owner}: law must be a hbgear Law, got {quoted(self.law)}; your own force is a class derived from "
+                "hb.mechanics.Law, or an hb.mechanics.CompiledLaw"
+            )
         if isinstance(self.law, VectorLaw):
             raise TypeError(
                 f"{owner}: {type(self.law).__name__} has {self.law.size} displacements: use VectorElement(directions, "
