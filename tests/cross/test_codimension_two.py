@@ -9,6 +9,7 @@ import scipy
 from machines import two_masses
 
 import hbgear as hb
+from hbgear.time.integration import state_of
 
 
 @dataclass(frozen=True)
@@ -193,6 +194,33 @@ def test_resonances_of_neimark_sacker_points(tongue):
         assert abs(trace - expected) < 1e-8 and abs(determinant - 1) < 1e-8
     for name in ("F", "Omega"):
         assert held["RII1"].parameters[name] == pytest.approx(tongue["RII1"].parameters[name], abs=1e-9)
+
+
+@dataclass(frozen=True)
+class StiffVanDerPol(hb.mechanics.Law):
+    """0.4 (d^2 - 1) d' + 0.3 d^3"""
+
+    def force(self, d, v, tau):
+        return 0.4 * (d**2 - 1) * v + 0.3 * d**3, 0.8 * d * v + 0.9 * d**2, 0.4 * (d**2 - 1)
+
+
+@hb.mechanics.model
+def stiffening(F: float = 4.0) -> hb.System:
+    return hb.System([[1.0]], [[0.0]], [[1.0]], [hb.Element([1.0], StiffVanDerPol())], hb.Load(cosine={1: [F]}))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("start", [0.2, 1.0])
+def test_angles_at_resonances_are_accurate_to_rounding(start):
+    """Multipliers by shooting; the exponents of Hill's determinant once were wrong by 1e-9 between some points."""
+    problem = hb.HarmonicBalance(stiffening(), 14)
+    curve = hb.trace(problem, "Omega", (2.0, 2.2), accuracy=None)
+    held = hb.follow(curve, "NS1", "F", (start, 8.0), accuracy=None)
+    for label, turns in (("RIV1", 1 / 4), ("RIII1", 1 / 3)):
+        at = {name: held[label].parameters[name] for name in ("F", "Omega")}
+        state = state_of(problem, problem.from_point(held[label]), **at)
+        multipliers = hb.time.shoot(stiffening(at["F"]), at["Omega"], state, tolerance=1e-12).multipliers
+        assert np.abs(np.angle(multipliers)) / (2 * math.pi) == pytest.approx(turns, abs=5e-11)
 
 
 def test_the_doubled_branch_turns_over_at_a_generalised_period_doubling(tongue):

@@ -391,6 +391,7 @@ def _exponent(
     factors = None
     for _ in range(40):
         G, dG = hill.receptances(s)
+        current = factors is None
         if factors is None:
             factors = Factors(bordered(hill.matrix(G, s), b, c.conj()))
             right, left = factors.solve(unit_vector), factors.adjoint_solve(unit_vector)
@@ -406,7 +407,8 @@ def _exponent(
         step, last_size = g / rate, steps[-1] / hill.omega
         s, size = s + step, abs(step) / hill.omega
         steps.append(abs(step))
-        if size <= 1e-14 or last_size <= 1e-11 or (last_size <= 1e-7 and size > MAX_STEP_RATIO * last_size):
+        rounding = current and last_size <= 1e-7  # with old factors the last step may correct the one before
+        if size <= 1e-14 or last_size <= 1e-11 or (rounding and size > MAX_STEP_RATIO * last_size):
             return _Pair(s, v, w, hill.adjoint_driven(hill.receptances(s)[0], w), rate)
         if size > MAX_STEP_FOR_OLD_FACTORS or size > MAX_STEP_RATIO * last_size:
             factors = None
