@@ -368,7 +368,8 @@ class Explorer:
         """
         model = self.subject.model(request.values)
         data = measurements_of(content, name)
-        return {"groups": dots(data, name, units_of(model), unit_of(str(model.labels.get("amplitude", ""))))}
+        amplitude = unit_of(str(model.labels.get("amplitude", "")))
+        return {"groups": dots(data, name, units_of(model), amplitude, [model])}
 
     def saved_as(self, session: str, kind: str, request: Request) -> tuple[str, bytes]:
         """Return name and content of a file to save.

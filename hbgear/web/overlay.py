@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from hbgear.analysis.parameter_sensitivity.units import units_of
+from hbgear.analysis.parameter_sensitivity.units import LENGTH, units_of
 from hbgear.analysis.quantities.axis_quantities import kind_of
 from hbgear.common.text.decoding import bytes_of_file
 from hbgear.common.text.symbols import unit_of
@@ -17,6 +17,7 @@ from hbgear.design.fitting.measurement_table import measurements_of
 from hbgear.design.fitting.measurements import Measurements
 from hbgear.harmonic.models.frequency_units import model_of, same_scales
 from hbgear.io.branches.columns import label_of
+from hbgear.mechanics.models import Model
 from hbgear.plot.branch_sections import sections
 from hbgear.web.view import plain
 
@@ -54,10 +55,13 @@ def dots_of(path: str | os.PathLike[str], branches: Sequence[Branch]) -> list[di
     units = {unit_of(label_of(branch, "amplitude")) for branch in branches}
     if len(units) > 1 and data.length:
         raise ValueError(f"'{path}' is in {data.length}, and the curves have amplitudes of several units")
-    return dots(data, os.path.basename(os.fspath(path)), _units(branches), units.pop())
+    models = [model.at(branch.parameters_at(0)) for branch in branches if (model := model_of(branch)) is not None]
+    return dots(data, os.path.basename(os.fspath(path)), _units(branches), units.pop(), models)
 
 
-def dots(data: Measurements, name: str, units: Mapping[str, float], amplitude: str) -> list[dict[str, Any]]:
+def dots(
+    data: Measurements, name: str, units: Mapping[str, float], amplitude: str, models: Sequence[Model] = ()
+) -> list[dict[str, Any]]:
     """Return measured points as groups of dots, and measured jumps as vertical lines: one group for each direction.
 
     Parameters
@@ -70,12 +74,25 @@ def dots(data: Measurements, name: str, units: Mapping[str, float], amplitude: s
         Scales of the model, see `units_of`.
     amplitude : str
         Unit of the amplitude axis; "1" or "" if it has no unit.
+    models : sequence of Model, optional
+        Models of the curves.
 
     Returns
     -------
     list of dict
         Groups of dots, as JSON of the page.
+
+    Raises
+    ------
+    ValueError
+        If the data are transmission errors, and the page has displacements that differ from them.
     """
+    measure = data.measure
+    if data.transmission_error and measure == "pp2" and LENGTH in units:
+        measure = "dte"
+    else:
+        for model in models:
+            data.check_displacement_of(model)
     Omega, size, _ = data.in_units(units, amplitude)
     jumps = [(x / data.frequency_unit(units), direction) for x, direction, _ in data.jumps]
     directions = {int(d) for d in data.directions} | {direction for _, direction in jumps}
@@ -85,7 +102,7 @@ def dots(data: Measurements, name: str, units: Mapping[str, float], amplitude: s
             single = directions == {1}
             rows = data.directions == direction
             groups.append({
-                "name": name if single else f"{name}, {word}", "mode": "markers", "file": name, "measure": data.measure,
+                "name": name if single else f"{name}, {word}", "mode": "markers", "file": name, "measure": measure,
                 "element": data.element, "symbol": "circle-open" if single else symbol,
                 "x": plain(Omega[rows]), "y": plain(size[rows]),
                 "jumps": plain([x for x, jump_direction in jumps if jump_direction == direction]),

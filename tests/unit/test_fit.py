@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import hbgear as hb
+from hbgear.analysis.quantities.engineering_quantities import transmission_error
 from hbgear.design.fitting.fit_search import FitSearch, mean_square_limit
 from hbgear.design.fitting.profile_likelihood import profile_interval
 from hbgear.design.fitting.sweep_prediction import Prediction
@@ -353,3 +354,23 @@ def test_command(tmp_path, largest, run):
     said[6] = "zeta=0.01"
     code, _, err = run(*said)
     assert code == 2 and "need NAME or NAME=LOW:HIGH" in err
+
+
+@pytest.mark.slow
+def test_transmission_errors_are_no_displacements_of_a_prescribed_error(tmp_path):
+    """Taken as displacements d, the transmission errors d + e of this pair give a damping of 0.013 instead of 0.06."""
+    for fields, refused in ({"e": (0.05,)}, True), ({"e": (), "eps": (0.2,)}, False):
+        pair = hb.SpurPair(zeta=0.06, reference=(38000.0, 37.6e-6, 15000.0, 25), **fields)
+        curve = hb.trace(hb.HarmonicBalance(pair, 8), "Omega", (1.4, 1.1))
+        errors, speeds = transmission_error(curve), pair.scales.pinion_speed(curve.values)
+        rows = [f"{speeds[i]:.12g}, {errors[i]:.12g}, down" for i in np.flatnonzero(curve.stable)[1::6]]
+        (tmp_path / "rig.csv").write_text("\n".join(["n [r/min], dte [um], direction", *rows]))
+        data = hb.design.read_measurements(tmp_path / "rig.csv")
+        assert data.transmission_error and data.measure == "pp2"
+        if refused:
+            with pytest.raises(ValueError, match="element 'gap' has a prescribed displacement e"):
+                hb.design.fit(pair, data, ["zeta"], harmonics=8)
+            assert not hb.design.read_measurements(tmp_path / "rig.csv", transmission_error=False).transmission_error
+        else:
+            found = hb.design.fit(pair.replace(zeta=0.05), data, {"zeta": (0.03, 0.1)}, harmonics=8, starts=1)
+            assert found.values["zeta"] == pytest.approx(0.06, rel=1e-3)

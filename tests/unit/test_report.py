@@ -313,6 +313,20 @@ def test_measured_sweeps_in_units_of_length_and_both_directions(tmp_path):
     np.testing.assert_allclose(drawn["measured, falling"], [[1.1 * n, 2 * 37.6]], rtol=1e-9)
 
 
+def test_measured_transmission_errors_are_drawn_among_transmission_errors(tmp_path):
+    (tmp_path / "run.csv").write_text("Omega,dte\n1,2")
+    for reference, e, measure in (
+        ((38000.0, 37.6e-6, 15000.0, 25), (0.05,), "dte"), ((), (), "pp2"), ((), (0.05,), None),
+    ):  # fmt: skip
+        model = hb.SpurPair(e=e, eps=(0.1,), reference=reference or hb.SpurPair().reference)
+        curve = hb.trace(hb.HarmonicBalance(model, 3), "Omega", (1.2, 1.1), stability=False)
+        if measure is None:
+            with pytest.raises(ValueError, match="the data are transmission errors"):
+                dots_of(tmp_path / "run.csv", [curve])
+        else:
+            assert [group["measure"] for group in dots_of(tmp_path / "run.csv", [curve])] == [measure]
+
+
 def test_measured_points_need_curves_in_omega(tmp_path):
     (tmp_path / "run.csv").write_text("Omega,x\n1,2")
     curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 3), "zeta", (0.05, 0.2), at={"Omega": 0.5}, stability=False)

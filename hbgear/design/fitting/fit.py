@@ -179,8 +179,8 @@ def fit(
     KeyError
         If the model has no such parameter.
     ValueError
-        If bounds are not valid, there are more parameters than data, the unit of the data is probably wrong, or the
-        model has no response at any start.
+        If bounds are not valid, there are more parameters than data, the unit of the data is probably wrong, the data
+        are transmission errors and the model has a prescribed displacement, or it has no response at any start.
 
     Notes
     -----
@@ -210,6 +210,7 @@ def fit(
             f"fit: {len(names)} parameters from {len(data) + len(data.jumps)} measured numbers; give more data or "
             "leave parameters out"
         )
+    data.check_displacement_of(problem.model)
     span = _span(problem.model, data) if span is None else span
     search = FitSearch(problem, data, names, span, progress)
     ending, estimate = Termination(advice="the best fit so far is kept; start again for the whole search"), None

@@ -19,6 +19,7 @@ from hbgear.mechanics.series.measures import BUILT_IN_MEASURES
 
 _DIRECTIONS = {"up": 1, "rising": 1, "+1": 1, "1": 1, "+": 1, "down": -1, "falling": -1, "-1": -1, "-": -1}
 _SPEEDS = ("n", "speed", "pinion speed", "rotational speed", "shaft speed")
+_TRANSMISSION_ERRORS = ("dte", "te", "transmission error", "dynamic transmission error")
 _COLUMN_UNITS = {"Omega": "", MESH: "Hz", PINION: "r/min"}
 
 
@@ -36,8 +37,8 @@ KINDS = (
           "mesh frequency": None, "excitation frequency": None, "Hz": "Hz", "rpm": "r/min", **dict.fromkeys(_SPEEDS)},
          lambda unit: unit == "" or unit in FREQUENCY, f"{', '.join(FREQUENCY)}, - (Omega)"),
     Kind("amplitude",
-         dict.fromkeys(("amplitude", "a", "x", "d", "y", "displacement", "gap", "dte", "te", "transmission error",
-                        "dynamic transmission error", "half peak to peak", *BUILT_IN_MEASURES), ""), _is_length,
+         dict.fromkeys(("amplitude", "a", "x", "d", "y", "displacement", "gap", "half peak to peak",
+                        *_TRANSMISSION_ERRORS, *BUILT_IN_MEASURES), ""), _is_length,
          "um, mm, m, - (unit of the model)"),
     Kind("direction", dict.fromkeys(("direction", "sweep", "sweep direction", "dir"), ""), "".__eq__, "-"),
     Kind("deviation", dict.fromkeys(("deviation", "standard deviation", "std", "sigma", "uncertainty"), ""),
@@ -68,8 +69,9 @@ def read_measurements(
         Names of the columns: ``{"frequency": ..., "amplitude": ..., "direction": ..., "deviation": ...}``. Other
         columns are ignored. Default: these names, or common ones such as ``n`` and ``dte``.
     **settings : object
-        Arguments ``unit``, ``length``, ``measure``, ``element`` and, without a column, ``direction`` of
-        `Measurements`. ``unit`` and ``length`` apply to columns whose names state no unit.
+        Arguments ``unit``, ``length``, ``measure``, ``element``, ``transmission_error`` and, without a column,
+        ``direction`` of `Measurements`. ``unit`` and ``length`` apply to columns whose names state no unit. A column
+        named dte, te or transmission error has transmission errors.
 
     Returns
     -------
@@ -142,9 +144,11 @@ def _frequency(column: Column, given_unit: str | None) -> tuple[str, float]:
     return unit, factor
 
 
-def _measure(column: Column | None, settings: Mapping[str, Any]) -> dict[str, str]:
-    """Return the measure that is the name of the column of amplitudes, if it is one."""
+def _measure(column: Column | None, settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the measure that is the name of the column of amplitudes, if it is one, or that it is an error."""
     name = None if column is None else normal(split(column.heading)[0])
+    if name in _TRANSMISSION_ERRORS:
+        return {"transmission_error": settings.get("transmission_error", True)}
     if column is None or name not in BUILT_IN_MEASURES:
         return {}
     if settings.get("measure", name) != name:

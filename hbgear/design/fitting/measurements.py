@@ -18,6 +18,7 @@ from hbgear.common.arrays import Array
 from hbgear.common.text.messages import did_you_mean, quoted
 from hbgear.common.units import to_si
 from hbgear.harmonic.models.frequency_units import MESH, PINION
+from hbgear.mechanics.models import Model
 from hbgear.mechanics.series.measures import check_displacement
 
 FREQUENCIES = ("Omega", MESH, PINION)
@@ -51,6 +52,9 @@ class Measurements:  # numpydoc ignore=PR02
         Unit of the amplitudes, such as "um"; "" for the unit of the model.
     measure, element : str and int or str, optional
         Measure ("pp2" by default) and element (0 by default) of `Branch.amplitude`.
+    transmission_error : bool, default False
+        Whether the amplitudes are those of the transmission error d + e instead of the displacement d of the element.
+        They are equal if the element has no prescribed displacement e.
 
     Attributes
     ----------
@@ -80,6 +84,7 @@ class Measurements:  # numpydoc ignore=PR02
     length: str = ""
     measure: str = "pp2"
     element: int | str = 0
+    transmission_error: bool = False
     assumed: bool = field(init=False, default=False)
 
     def __post_init__(self) -> None:
@@ -168,6 +173,33 @@ class Measurements:  # numpydoc ignore=PR02
                 raise ValueError(f"the data are in {self.length}, and the model does not know its unit of length")
             length = known[LENGTH]
         return self.frequency / self.frequency_unit(known), self.amplitude / length, self.deviation / length
+
+    def check_displacement_of(self, model: Model) -> None:
+        """Raise an error for transmission errors if a model has displacements of its element that differ from them.
+
+        Parameters
+        ----------
+        model : Model
+            Model whose displacements are compared with the data.
+
+        Raises
+        ------
+        ValueError
+            If the element has a prescribed displacement that varies.
+        """
+        for number, element in enumerate(model.system().elements):
+            error = getattr(element, "displacement", None)
+            if (
+                self.transmission_error
+                and self.element in (number, element.name)
+                and error is not None
+                and error.varies
+            ):
+                raise ValueError(
+                    f"the data are transmission errors d + e, and element {quoted(element.name)} has a prescribed "
+                    "displacement e, so that its displacement d has other amplitudes; give those of d, in a column "
+                    "named gap, or a model without e, such as the pairs of teeth of a drawing"
+                )
 
     def _numbers(self, name: str, count: int | None = None) -> Array:
         try:
