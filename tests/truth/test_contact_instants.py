@@ -798,8 +798,6 @@ def test_only_the_special_points_of_a_trace_are_located() -> None:
     assert [point.label for point in folds.special] == ["LP1", "LP2"]
     with pytest.raises(ValueError, match="curves in contact instants have no PK: use hb"):
         hb.trace(problem, "Omega", span, events=["PK"])
-    with pytest.raises(ValueError, match="a curve in contact instants has no derivatives by parameters"):
-        hb.design.response_band(folds, {"gap": 0.01})
 
 
 def test_a_branch_turns_at_its_end_without_a_fold() -> None:

@@ -208,3 +208,39 @@ def test_axes_end_above_the_bounded_part_of_a_curve_that_grows_without_bound():
     low, high = ax.get_ylim()
     assert branch["LP1"].amplitude("pp2") < high < 0.2 * branch.amplitude("pp2").max()
     assert -0.1 * high < low < branch.amplitude("pp2").min()
+
+
+@hb.mechanics.model
+def stopped(F: float = 0.3, gap: float = 0.5, c: float = 0.1) -> hb.System:
+    """One mass and a hard stop."""
+    stop = hb.Element([1.0], hb.Unilateral(k=1e3, gap=gap), name="stop")
+    return hb.System([[1.0]], [[c]], [[1.0]], [stop], hb.Load(cosine={1: [F]}))
+
+
+@pytest.mark.slow
+def test_the_band_of_a_hard_stop_follows_its_similarity():
+    """Load and gap times a factor change all amplitudes by it, also at grazing points and folds next to them."""
+    curve = hb.trace(hb.ContactInstants(stopped(), 32), "Omega", (0.5, 2.2))
+    band = hb.design.response_band(curve, {"F": 0.3, "gap": 0.5}, measure="rms")
+    assert len(curve.special) == 14 and np.abs(band.effects).max() > 0.1
+    expected = band.normal[:, 1] * band.amplitude / band.size[1]
+    np.testing.assert_allclose(band.effects.sum(axis=1), expected, atol=1e-6)
+
+
+@pytest.mark.slow
+def test_the_band_of_a_hard_stop_without_and_with_contact():
+    """Without contact the derivative by the damping has a closed form, with contact it is that of exact motions."""
+    problem = hb.ContactInstants(stopped(), 32)
+    curve = hb.trace(problem, "Omega", (1.5, 1.1), cover=False)
+    band = hb.design.response_band(curve, {"c": 1.0}, measure="rms")
+    free, h, w = curve.regime[:, 0] == 0, 1e-5, curve.values
+    y = 0.3 / np.hypot(1 - w**2, 0.1 * w) / np.sqrt(2)
+    slope = -y * 0.1 * w**2 / ((1 - w**2) ** 2 + (0.1 * w) ** 2)
+    away = ~free & (np.min([np.abs(w - p.parameters["Omega"]) for p in curve.special], axis=0) > 1e-3)
+    assert free.sum() > 5 and away.sum() > 5
+    for i in np.flatnonzero(away):
+        X = [curve.X[i] - problem.linearise(curve.X[i], "c", Omega=w[i], c=0.1 + d).R for d in (h, -h)]
+        above, below = (np.linalg.norm(x[1:]) / np.sqrt(2) for x in X)  # without the mean
+        slope[i] = (above - below) / (2 * h)
+    expected = band.normal[:, 1] * slope / band.size[1]
+    np.testing.assert_allclose(band.effects[free | away, 0], expected[free | away], atol=1e-5)

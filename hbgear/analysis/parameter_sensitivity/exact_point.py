@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from functools import partial
+from collections.abc import Callable, Mapping, Sequence
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -19,9 +19,11 @@ from hbgear.harmonic.contact_instants.special_states import (
     RELOCATED_KINDS,
     grazing_contacts,
     special_state,
+    state_of,
 )  # fmt: skip
 from hbgear.harmonic.instants.corrector import Family, correct
 from hbgear.harmonic.instants.sampling import coefficients
+from hbgear.harmonic.instants.shooting import linearise
 from hbgear.harmonic.instants.special_points.critical import point_on_curve, relocated
 from hbgear.harmonic.instants.special_points.grazing import locate_grazing
 
@@ -121,6 +123,61 @@ def slopes_of_motion(
     for row, name in zip(X, (*names, parameter), strict=True):
         (row[:],) = parameter_derivatives(problem, name, parameters, partial(motion, name=name))
     return X[:-1], X[-1]
+
+
+NeighbouringFamilies = Callable[[str, float], Family]
+"""Equations of a curve as a function of name and value of another parameter."""
+
+TANGENT_STEP = 1e-6
+"""Finite-difference step along a curve, in scaled unknowns: truncation and rounding errors are below 1e-9."""
+
+
+def neighbouring_families(problem: ContactInstants, parameter: str, fixed: Mapping[str, float]) -> NeighbouringFamilies:
+    """Return the equations of a curve as a function of name and value of another parameter; they are stored."""
+    return cache(lambda name, value: _family(problem, parameter, {**fixed, name: value}))
+
+
+def slopes_of_curve(
+    problem: ContactInstants, point: Point, parameters: Mapping[str, float], border: Array, names: Sequence[str],
+    families: NeighbouringFamilies,
+) -> tuple[Array, Slopes]:  # fmt: skip
+    """Return the direction (n + 1,) of a curve, and its displacements across the curve; see `of_curve`.
+
+        [F_z; t] dz/da = -[F_a; 0],   dX/da = X_z dz/da + X_a        z instants, states and p, X coefficients, t tangent
+
+    X depends on z and a; its derivatives are central differences at states near the curve, which are not corrected.
+    The equations are regular at a grazing point, where a contact of a neighbouring model may not exist.
+
+    Raises
+    ------
+    NoConvergence
+        If the exact motion of the point is not known.
+    """
+    state = state_of(problem, point)
+    if state is None:
+        raise NoConvergence("the exact motion is not known: trace the curve again", point.X, point.parameters, [])
+    scale = state.scale(abs(state.value) or 1.0)
+
+    def moved(family: Family, step: Array) -> Array:
+        z = state.with_z(state.z + step)
+        return np.append(coefficients(family(z.value), z.iterate, problem.H)[0].ravel(), z.value)
+
+    def residual(changed: Mapping[str, float], name: str) -> tuple[Array]:
+        return (linearise(families(name, changed[name])(state.value), state.iterate, False).R,)
+
+    def displaced(changed: Mapping[str, float], name: str, rate: Array) -> tuple[Array]:
+        return (moved(families(name, changed[name]), (changed[name] - parameters[name]) * rate),)
+
+    unchanged = families(names[0], parameters[names[0]])
+    exact = point_on_curve(unchanged, state, scale)
+    along = TANGENT_STEP * exact.tangent * scale
+    direction = (moved(unchanged, along) - moved(unchanged, -along)) / (2 * TANGENT_STEP)
+    bordered, slopes = np.vstack([exact.J * scale, exact.tangent]), np.zeros((len(names), len(direction)))
+    for row, name in zip(slopes, names, strict=True):
+        (F_a,) = parameter_derivatives(problem, name, parameters, partial(residual, name=name))
+        rate = scale * np.linalg.solve(bordered, -np.append(F_a, 0.0))
+        (row[:],) = parameter_derivatives(problem, name, parameters, partial(displaced, name=name, rate=rate))
+    return direction * np.copysign(1.0, direction @ border), Slopes(slopes[:, :-1], slopes[:, -1])
 
 
 def _family(problem: ContactInstants, parameter: str, fixed: Mapping[str, float]) -> Family:

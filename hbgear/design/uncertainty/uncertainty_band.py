@@ -25,6 +25,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hbgear.analysis.parameter_sensitivity.exact_point import neighbouring_families, slopes_of_curve
 from hbgear.analysis.parameter_sensitivity.units import LENGTH, measured_along, units_at, units_of
 from hbgear.analysis.quantities.length_units import MICROMETRE, dimension_of
 from hbgear.common.argument_checks import checked_arguments
@@ -34,8 +35,10 @@ from hbgear.common.text.messages import did_you_mean, quoted
 from hbgear.common.units import to_si
 from hbgear.continuation.augmented.sensitivity import of_curve
 from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.solvers.newton import NoConvergence
 from hbgear.design.fitting.fit import Fit
 from hbgear.design.fitting.measurements import FREQUENCIES
+from hbgear.harmonic.contact_instants.problem import ContactInstants
 from hbgear.harmonic.equations.layout import layout_of
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.harmonic.models.frequency_units import PINION
@@ -159,8 +162,8 @@ def response_band(
     KeyError
         If the model has no such parameter.
     ValueError
-        If a deviation is negative, a fit does not determine its parameters, the curve has no problem or is one in
-        contact instants, or the model does not know its units.
+        If a deviation is negative, a fit does not determine its parameters, the curve has no problem, or the model does
+        not know its units.
 
     Notes
     -----
@@ -234,21 +237,22 @@ def _in_plane(
     layout = layout_of(branch)
     if layout is None:
         raise ValueError("a band needs a curve of periodic motions")
-    if problem.residual_form is not problem:
-        raise ValueError(
-            "response_band: a curve in contact instants has no derivatives by parameters; trace HarmonicBalance(model, "
-            "harmonics) with a start (start=problem.start(Omega=...)) for the band"
-        )
     fixed = problem.at_resolution_of(branch[0]).with_cache_size(2 * len(names) + 2)
     n, entries = branch.X.shape[1], problem.model.entries
     direction, shifts = np.full((len(branch), n + 1), math.nan), np.full((len(branch), len(names), n + 1), math.nan)
+    if isinstance(problem, ContactInstants):
+        others = {name: x for name, x in branch.parameters_at(0).items() if name != branch.parameter}
+        families = neighbouring_families(problem, branch.parameter, others)
     for i, secant in enumerate(_secants(branch)):
         parameters = {**entries, **branch.parameters_at(i)}
         try:
-            U = np.append(branch.X[i], branch.values[i])
-            direction[i], slopes = of_curve(fixed, U, parameters, branch.parameter, secant, names)
-        except np.linalg.LinAlgError:
-            continue  # intersection of two curves: nan
+            if isinstance(problem, ContactInstants):
+                direction[i], slopes = slopes_of_curve(problem, branch[i], parameters, secant, names, families)
+            else:
+                U = np.append(branch.X[i], branch.values[i])
+                direction[i], slopes = of_curve(fixed, U, parameters, branch.parameter, secant, names)
+        except (np.linalg.LinAlgError, NoConvergence):
+            continue  # intersection of two curves, or a motion that is not known exactly: nan
         shifts[i] = np.concatenate([slopes.X, slopes.p[:, None]], axis=1)
     rates_of_unknowns = np.concatenate([direction[:, None], shifts], axis=1)
     rates = measured_along(layout, measure, element, branch.X, rates_of_unknowns[..., :n])
