@@ -915,3 +915,23 @@ def test_a_step_is_searched_where_a_determinant_may_bend_to_zero(depth: float, e
         return SimpleNamespace(multipliers=np.array([-1 + 0.1 * ((s - 0.5) ** 2 - depth)]))
 
     assert _may_bend(-1.0, (point(-1.0), point(0.0), point(1.0)), 1.0, 1.0) is expected
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("end", [0.6, 1.0])
+def test_a_curve_starts_at_a_cusp_of_folds(end: float) -> None:
+    """At a cusp the equations at fixed Omega are singular to second order; the curve through it is regular."""
+    curve = hb.trace(hb.ContactInstants(hb.SpurPair()), "Omega", (1.0, 0.6))
+    cusp = hb.follow(curve, "LP1", "zeta", (0.05, 0.2))["CP1"]
+    Omega, zeta = cusp.parameters["Omega"], cusp.parameters["zeta"]
+    started = hb.trace(hb.ContactInstants(hb.SpurPair()), "Omega", (Omega, end), start=cusp)
+    whole = hb.trace(hb.ContactInstants(hb.SpurPair(zeta=zeta)), "Omega", (1.0, 0.6))
+    assert started.status is hb.Status.REACHED_END and started.values[-1] == end
+    assert abs(started.values[0] - Omega) < 1e-6 and abs(abs(started.multipliers[0]).max() - 1) < 1e-3
+    X = whole.X[0 if end == 1.0 else -1]
+    np.testing.assert_allclose(started.X[-1], X, atol=1e-9)
+    same = [
+        point.parameters["Omega"] for point in whole.special if (point.parameters["Omega"] - Omega) * (end - Omega) > 0
+    ]
+    found = [point.parameters["Omega"] for point in started.special]
+    np.testing.assert_allclose(sorted(found), sorted(same), atol=1e-9)

@@ -381,7 +381,20 @@ class ContactInstants(HarmonicBalance):
         X = self.from_point(start) if isinstance(start, Point) else np.asarray(getattr(start, "X", start))
         if isinstance(start, BranchStart) and isinstance(start.event, ExactStart):
             return start.event
-        return self.exact_state(self.resized(X), name, parameters), None
+        return _state_near(self, self.resized(X), name, parameters), None
+
+
+def _state_near(problem: ContactInstants, X: Array, name: str, parameters: Mapping[str, float]) -> CurveState:
+    """Return the exact motion near coefficients; close to a fold or a cusp, which is singular, at a free Omega."""
+    try:
+        return problem.exact_state(X, name, parameters)
+    except NoConvergence:
+        if name != "Omega":
+            raise
+        with suppress(NoConvergence, InconsistentPatternError):
+            ode, iterate = exact_iterate(problem, X, parameters, free=True)
+            return CurveState.of(iterate, ode.Omega)
+        raise
 
 
 def _with_others(branch: Branch, others: tuple[Branch, ...], span: tuple[float, float], reversed_span: bool) -> Branch:

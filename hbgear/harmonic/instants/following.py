@@ -44,6 +44,7 @@ from hbgear.harmonic.instants.special_points.critical import (
     exact_point,
     hides_two_points,
     point_between,
+    point_on_curve,
     special_points,
 )
 from hbgear.harmonic.instants.special_points.grazing import (
@@ -162,8 +163,7 @@ class Follower:
             )  # equations are singular where curves cross
             orientation = normal = (ahead.z - state.z) / scale
         try:
-            first = exact_point(self.family, state, normal, scale, orientation)
-            self._accept(first, 0.0)
+            self._accept(_first_point(self.family, state, normal, scale, orientation), 0.0)
             while not self._ended():
                 self._advance()
         except (NoConvergence, InconsistentPatternError) as error:
@@ -418,6 +418,15 @@ class Follower:
         elif _is_closed(curve):
             curve.status, curve.message = Status.CLOSED, f"the curve closed after {len(curve.points)} points"
         return bool(curve.message)
+
+
+def _first_point(family: Family, state: CurveState, normal: Array, scale: Array, orientation: Array) -> ExactPoint:
+    """Return the point of a state; where the equations at its parameter are singular, across the tangent."""
+    try:
+        return exact_point(family, state, normal, scale, orientation)
+    except NoConvergence:
+        tangent = point_on_curve(family, state, scale).tangent
+        return exact_point(family, state, tangent, scale, math.copysign(1.0, tangent @ orientation) * tangent)
 
 
 def _is_same(a: CurveState, b: CurveState, width: float) -> bool:
