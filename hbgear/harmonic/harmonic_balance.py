@@ -49,7 +49,7 @@ from hbgear.harmonic.equations.model_cache import ModelCache
 from hbgear.harmonic.forces.law_checks import check_laws
 from hbgear.harmonic.structure.linear_structure import MODAL_LIMIT
 from hbgear.harmonic.structure.measured import MeasuredStructure
-from hbgear.harmonic.structure.recession import Receded, longest, receded
+from hbgear.harmonic.structure.recession import Receded, longest, recession
 from hbgear.mechanics.models import Model, describe
 from hbgear.mechanics.plausibility import check_problem, check_size
 
@@ -318,6 +318,8 @@ class HarmonicBalance(PeriodicMotions):
         grow in proportion to the motion.
         """
         system = self.compiled(parameters).system
-        if self.solution_norm(X) < _MIN_RECESSION_RATIO * longest(system) or receded(system) is None:
+        if self.solution_norm(X) < _MIN_RECESSION_RATIO * longest(system):
+            return None
+        if any(recession(element.law) is None for element in system.elements):
             return None
         return self._cached("recession", (), lambda: self._derived(models=self.models.of_model(Receded(self.model))))

@@ -295,6 +295,16 @@ def test_recession_of_laws():
         assert recession(law) is None
 
 
+def test_the_reach_of_a_slider_is_a_length_of_the_model():
+    """Motions below ten times limit / k are not far larger than all lengths."""
+    slider = hb.Element([1.0], hb.mechanics.Jenkins(k=2.0, limit=1.0))
+    system = hb.System([[1.0]], [[0.1]], [[1.0]], [slider], hb.Load(cosine={1: [0.3]}))
+    problem = hb.HarmonicBalance(system, 2)
+    small, large = ([0.0, A, 0.0, 0.0, 0.0] for A in (4.9, 5.1))
+    assert longest(system) == 0.5 and problem.recession(np.array(small), {}) is None
+    assert not problem.recession(np.array(large), {}).model.system().elements[0].law.sliders
+
+
 def test_recession_of_a_model_keeps_its_parameters():
     far = Receded(PAIR).replace(eps_scale=0.5).system()
     (element,) = far.elements

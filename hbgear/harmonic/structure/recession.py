@@ -64,9 +64,10 @@ def receded(system: System) -> System | None:
 
 
 def longest(system: System) -> float:
-    """Return the largest breakpoint or bound of a prescribed displacement in a system; 0 without any."""
+    """Return the largest breakpoint, reach of a slider or bound of a prescribed displacement; 0 without any."""
     breakpoints = [abs(x) for element in system.elements for x in element.law.breakpoints]
-    return max([*breakpoints, *(e.displacement.bound for e in system.elements)], default=0.0)
+    reaches = [slider.reach for element in system.elements for slider in element.law.sliders]
+    return max([*breakpoints, *reaches, *(e.displacement.bound for e in system.elements)], default=0.0)
 
 
 class Receded(DerivedModel):
