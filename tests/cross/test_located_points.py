@@ -14,7 +14,7 @@ from hbgear.continuation.events.event import LocatedEvent
 from hbgear.continuation.problem.adapter import as_problem
 from hbgear.continuation.problem.base import observe_all
 from hbgear.continuation.solvers.newton import solve
-from hbgear.harmonic.bifurcations.multiplier_events import PeriodDoublingEvent
+from hbgear.harmonic.bifurcations.multiplier_events import NeimarkSackerEvent, PeriodDoublingEvent
 
 STATED = 3.0  # largest ratio of the true to the stated error
 CRITICAL = 1e-3  # largest distance of a multiplier from +1 or -1 at a located point
@@ -130,6 +130,21 @@ def segment_without_events(event):
 def test_a_point_without_the_multiplier_of_its_event_is_not_located(event):
     arc, found = segment_without_events(event)
     assert not estimate_error(arc, found, 1e-5).located
+
+
+def test_multipliers_that_were_refined_at_the_ends_are_no_crossing(monkeypatch):
+    """Refined multipliers at the ends of a segment jump to those along it: two evaluations are enough."""
+    arc, _ = segment_without_events(NeimarkSackerEvent())
+    arc.a.observed["multipliers"] = np.array([1.1, 0.5], dtype=complex)
+    arc.b.observed["multipliers"] = np.array([1.05 + 0.2j, 1.05 - 0.2j])
+    calls, multipliers = [], type(arc.problem).multipliers
+
+    def counted(self, X, **given):
+        calls.append(X)
+        return multipliers(self, X, **given)
+
+    monkeypatch.setattr(type(arc.problem), "multipliers", counted)
+    assert NeimarkSackerEvent().find(arc) == [] and len(calls) == 2
 
 
 def test_an_unknown_error_is_a_doubt_that_names_the_point():

@@ -24,8 +24,11 @@ def multipliers_of(points: Sequence[CurvePoint]) -> ComplexArray | None:
 def multipliers_at(segment: Segment, point: CurvePoint) -> ComplexArray:
     """Return the multipliers of a point, computed if they are unknown."""
     stored: ComplexArray | None = point.observed.get("multipliers")
-    if stored is not None:
-        return stored
+    return computed_multipliers(segment, point) if stored is None else stored
+
+
+def computed_multipliers(segment: Segment, point: CurvePoint) -> ComplexArray:
+    """Return the multipliers of a point with the harmonics of the curve; known ones may have been refined."""
     values = segment.parameters_at(point.value)
     problem: Any = segment.problem  # a HarmonicBalance, whose events these are
     computed: ComplexArray = problem.multipliers(point.X, points=8, width=1.0, **values)

@@ -48,6 +48,7 @@ from hbgear.continuation.results.status import Status
 from hbgear.continuation.solvers.newton import SEARCH_ERRORS, SOLVER_ERRORS, refine, solve
 from hbgear.harmonic.bifurcations.monitored import (
     complex_multipliers,
+    computed_multipliers,
     count_unstable,
     multipliers_at,
     multipliers_of,
@@ -257,7 +258,11 @@ class NeimarkSackerEvent(BuiltInEvent):
         # a fold, branch point or doubling changes the number by one, a complex pair by two
         if abs(ua - ub) - explained >= 2:
             return self._locate_simultaneous(segment, ends)
-        return self._locate_compensated(segment, ends) if explained or ua != ub else []  # ends may be special points
+        if not explained and ua == ub:  # ends may be special points
+            return []
+        # refined multipliers at an end may jump from those that are computed along the segment
+        computed = np.array([computed_multipliers(segment, point) for point in (segment.a, segment.b)])
+        return self._locate_compensated(segment, computed)
 
     def _locate_compensated(self, segment: Segment, ends: ComplexArray) -> list[LocatedEvent]:
         """Locate a pair on the same segment as a fold, branch point or doubling that compensates it in number."""
