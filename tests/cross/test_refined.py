@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 import hbgear as hb
+from hbgear.continuation.curve.refinement import shortest_step
+from hbgear.continuation.problem.evaluation import Evaluation
 
 MODELS = {
     "spur": (hb.SpurPair(), (1.0, 0.6), 8),
@@ -62,3 +64,14 @@ def test_motions_that_cannot_be_refined(pair, tmp_path):
     if curve.problem.model == hb.SpurPair():
         with pytest.raises(ValueError, match="a curve of special points is not refined"):
             hb.follow(curve, "LP1", "zeta", (0.05, 0.051)).refined()
+
+
+@pytest.mark.parametrize("distance", [1.0, 1e-3, 1e-6, 1e-9, 1e-15, 0.0])
+def test_the_shortest_step_is_the_solution_of_least_norm(rng, distance):
+    """At a regular point, and at any distance from a fold, at which the smallest singular value vanishes."""
+    (U, _), (V, _) = (np.linalg.qr(A) for A in rng.standard_normal((2, 30, 30)))
+    J = (U * np.append(np.linspace(1.0, 5.0, 29), distance)) @ V.T
+    p, R, scale = *rng.standard_normal((2, 30)), rng.uniform(0.1, 3.0, 31)
+    expected = scale * np.linalg.lstsq(np.column_stack([J, p]) * scale, -R)[0]
+    step = shortest_step(Evaluation(R, J, p, 1.0), R, scale)
+    np.testing.assert_allclose(step, expected, rtol=1e-9, atol=1e-9 * np.abs(expected).max())

@@ -16,7 +16,7 @@ import numpy as np
 import scipy
 
 from hbgear.common.arrays import Array
-from hbgear.continuation.numerics.linear import norm
+from hbgear.continuation.numerics.linear import norm, solve_linear
 from hbgear.continuation.problem.adapter import as_problem
 from hbgear.continuation.problem.base import ContinuationProblem, linearise, observe_all
 from hbgear.continuation.problem.evaluation import Evaluation
@@ -28,6 +28,10 @@ MAX_REFINEMENT_ITERATIONS = 12
 
 RESIDUAL_TOLERANCE = 1e-11
 """Largest relative residual of a refined point."""
+
+MAX_STEEPNESS = 1e5
+"""Change of the solution over that of the parameter, in units of their scales, above which dR/dX is too close to being
+singular: rounding errors of the step would exceed 1e-10 of it."""
 
 
 def nearest_solution(
@@ -73,11 +77,19 @@ def nearest_solution(
 
 def shortest_step(evaluation: Evaluation, R: Array, scale: Array) -> Array:
     """Return the step (n + 1,) of least norm, in units of ``scale``, with [dR/dX, dR/dp] step = -R; also at a fold."""
-    A = (np.column_stack([evaluation.dR_dX, evaluation.dR_dp]) * scale).T  # A^T y = -R with A = Q T, y = Q T^-T (-R)
-    factors, tau, _, _ = scipy.linalg.lapack.dgeqrf(A)
+    step: Array
+    A = np.column_stack([evaluation.dR_dX, evaluation.dR_dp]) * scale
+    try:
+        y, t = np.vstack([solve_linear(A[:, :-1], np.column_stack([-R, -A[:, -1]])), [0.0, 1.0]]).T
+        if norm(t) < MAX_STEEPNESS:
+            step = scale * (y - (t @ y) / (t @ t) * t)
+            return step
+    except np.linalg.LinAlgError:
+        pass
+    factors, tau, _, _ = scipy.linalg.lapack.dgeqrf(A.T)  # A^T = Q T, y = Q T^-T (-R), at several times the cost
     y = np.zeros((len(scale), 1))
     y[:-1, 0] = scipy.linalg.lapack.dtrtrs(factors[:-1], -R, trans=1)[0]
-    step: Array = scale * scipy.linalg.lapack.dormqr("L", "N", factors, tau, y, len(scale))[0][:, 0]
+    step = scale * scipy.linalg.lapack.dormqr("L", "N", factors, tau, y, len(scale))[0][:, 0]
     return step
 
 
