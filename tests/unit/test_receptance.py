@@ -11,6 +11,7 @@ from hbgear.harmonic.structure import linear_structure
 from hbgear.harmonic.structure.linear_structure import LinearStructure, UnbalancedLoadError
 from hbgear.harmonic.structure.receptance import Receptance
 from hbgear.mechanics import Parallel, Series, model, reduce
+from hbgear.mechanics.series.fourier import to_real
 
 H = 4
 
@@ -84,6 +85,33 @@ def test_dependent_directions_against_dense_solves(rng, power):
         law_forces = f + s.kr * d_plus_e + 1j * w * c * e
         residual = s.force_sums @ (part.Z[k] @ d + part.g[k] + law_forces) + s.compatibility @ d_plus_e
         np.testing.assert_allclose(residual, 0.0, atol=1e-11)
+
+
+def test_constrained_balance_of_kernels(rng):
+    """Sums of forces and conditions of compatibility, and their derivatives, are those of the structure."""
+    compiled = HarmonicBalance(structure(rng, n=3, m=5), H).compiled({})
+    s, X, identity = compiled.structure, rng.standard_normal(5 * (2 * H + 1)), np.eye(2 * H + 1)
+    S, T = np.kron(s.force_sums, identity), np.kron(s.compatibility, identity)
+    R, J, dR, size = compiled.linearise(X, 0.7)
+    apart, J_apart, dR_apart, _ = compiled._balance(X, 0.7, compiled.linear(0.7))
+    np.testing.assert_allclose(R, S @ apart + T @ (X + to_real(compiled.receptance.e.T).ravel()), atol=1e-13 * size)
+    np.testing.assert_allclose(J, S @ J_apart + T, rtol=1e-13, atol=1e-13)
+    np.testing.assert_allclose(dR, S @ dR_apart, rtol=1e-13, atol=1e-13)
+
+
+def test_elements_on_one_displacement_are_one_law():
+    """A stop and a cubic spring on the same displacement, as two elements and as one: the compiled loop traces both."""
+    M, C, K, stop, cubic = np.eye(2), 0.05 * np.eye(2), [[2.0, -1.0], [-1.0, 2.0]], Unilateral(1.0, 0.3), Cubic(0.5)
+    load = Load(cosine={1: [0.2, 0.0]})
+    one, two = (
+        trace(HarmonicBalance(System(M, C, K, elements, load), 9), "Omega", (0.8, 1.5))
+        for elements in ([Element([1, 0], Parallel((stop, cubic)))], [Element([1, 0], stop), Element([-1, 0], cubic)])
+    )
+    assert two.problem.compiled_continuation("Omega", {}) is not None and {"LP", "GR"} <= {p.kind for p in one.special}
+    points = [[(p.label, p.parameters["Omega"]) for p in curve.special] for curve in (one, two)]
+    assert [label for label, _ in points[0]] == [label for label, _ in points[1]]
+    for (_, a), (_, b) in zip(*points, strict=True):
+        assert a == pytest.approx(b, abs=1e-10)
 
 
 @pytest.mark.parametrize(("n", "m"), [(6, 2), (3, 5)])

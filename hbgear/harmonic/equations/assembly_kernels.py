@@ -11,7 +11,8 @@ kappa = r + i s of a periodic stiffness,
 is the matrix of the product with kappa, where r_{-n} = r_n and s_{-n} = -s_n. The row of the mean a0 is half of
 T[a_0, .].
 
-With a harmonic selection only the selected orders are unknowns. All other harmonics are zero, and their equations are
+If directions of elements are dependent, `tie` adds constraints, see `hbgear.harmonic.structure.receptance`. With a
+harmonic selection only the selected orders are unknowns. All other harmonics are zero, and their equations are
 omitted. The linear part is computed from the poles of the structure, G(w) = sum_r a_r b_r^T / (i w - lambda_r), see
 `hbgear.harmonic.structure.receptance`.
 
@@ -151,6 +152,8 @@ def curvature(packed: Any, X: Any, v: Any, h: float, workspace: Any, dJ_dv: Any,
         for i in range(m):
             for j in range(m):
                 _add_harmonic(dZ[k, i, j], k, dJ_dOmega, i * n, j * n)
+    sum_forces(packed.linear, X.shape[0], dJ_dv)
+    sum_forces(packed.linear, X.shape[0], dJ_dOmega)
 
 
 @kernel
@@ -270,6 +273,42 @@ def _add_samples(
 
 
 @kernel
+def tie(linear: Any, X: Any, R: Any, J: Any, dR: Any) -> None:
+    """Replace the balances of elements with dependent directions by their constraints, see `LinearStructure`.
+
+    Their forces act on the independent elements.
+    """
+    n, B, s = 2 * linear.orders.shape[0] - 1, linear.force_sums, linear.tie_stiffness
+    sum_forces(linear, X.shape[0], J)
+    for b in range(linear.dependent.shape[0]):
+        for i in range(n):
+            row = linear.dependent[b] * n + i
+            force, slope = R[row], dR[row]
+            R[row], dR[row], J[row, row] = linear.tie_offsets[b, i] + s * X[row], 0.0, s
+            for a in range(linear.independent.shape[0]):
+                other = linear.independent[a] * n + i
+                R[other] += B[a, b] * force
+                dR[other] += B[a, b] * slope
+                R[row] -= s * B[a, b] * X[other]
+                J[row, other] = -s * B[a, b]
+
+
+@kernel
+def sum_forces(linear: Any, size: int, J: Any) -> None:
+    """Add the rows of dependent elements to those of independent ones, in the first ``size`` columns; set them to 0."""
+    n = 2 * linear.orders.shape[0] - 1
+    for b in range(linear.dependent.shape[0]):
+        for i in range(n):
+            row = linear.dependent[b] * n + i
+            for c in range(size):
+                x = J[row, c]
+                if x != 0.0:  # most are zero
+                    for a in range(linear.independent.shape[0]):
+                        J[linear.independent[a] * n + i, c] += linear.force_sums[a, b] * x
+                    J[row, c] = 0.0
+
+
+@kernel
 def _add_damped(piecewise: Any, packed: Any, j: int, samples: Any, part: Any, dR: Any) -> None:
     """Add to dR the damping force of a compiled law on prescribed displacements with breakpoints, over Omega."""
     if piecewise is None:
@@ -294,6 +333,8 @@ def residual_and_jacobian(packed: Any, u: Any, R: Any, J: Any, dR: Any, workspac
         packed.linear, u[n], workspace.w, workspace.pole_terms, workspace.sums, workspace.work,
         workspace.matrices, workspace.constants,
     )  # fmt: skip
-    return assemble(
+    size = assemble(
         packed, u[:n], u[n] / packed.linear.nu, workspace.matrices, workspace.constants, R, J, dR, workspace
     )
+    tie(packed.linear, u[:n], R, J, dR)
+    return size

@@ -26,7 +26,7 @@ from hbgear.harmonic.structure.receptance import LinearPart, Receptance
 from hbgear.mechanics.laws.laws import Law
 from hbgear.mechanics.laws.vector_laws import Component, vector_groups
 from hbgear.mechanics.models import System
-from hbgear.mechanics.series.fourier import Transform, places, spread, to_real
+from hbgear.mechanics.series.fourier import Transform, places, spread
 
 PythonForces = SampledLaws | SampledVectorLaws | DampedContacts
 """Forces of laws that kernels do not evaluate."""
@@ -156,7 +156,7 @@ class Evaluator:
     @property
     def is_fully_compiled(self) -> bool:
         """Whether kernels evaluate the whole model without Python."""
-        return not self.python_forces and self.structure.modal
+        return not self.python_forces and self.structure.accurate_modes
 
     def at(self, Omega: float) -> Evaluator:
         """Return the evaluator with the structure at Omega, which has modes; itself without speed terms."""
@@ -231,24 +231,12 @@ class Evaluator:
 
     def linearise_with(self, X: Array, Omega: float, linear: LinearPart) -> tuple[Array, Array, Array, float]:
         """Return `linearise` with a given linear part and its derivative."""
+        from hbgear.harmonic.equations.assembly_kernels import tie
+
         R, J, dR, size = self._balance(X, Omega, linear)
-        if not self.structure.constrained:
-            return R, J, dR, size
-        compatibility = self.structure.compatibility
-        R, J, dR = self._tied(R), self._tied(J), self._tied(dR)
-        R += (compatibility @ (X.reshape(self.m, -1) + to_real(self.receptance.e.T))).ravel()
-        J += self._ties
+        if self.structure.constrained:
+            tie(self.packed.linear, writable(X), R, J, dR)
         return R, J, dR, size
-
-    @cached_property
-    def _ties(self) -> Array:
-        """Derivatives (n, n) of the constraints between elements."""
-        return np.kron(self.structure.compatibility, np.eye(2 * len(self.orders) - 1))
-
-    def _tied(self, rows: Array) -> Array:
-        """Return the constrained balance from the balances (n, ...) of the single elements."""
-        out: Array = self.structure.force_sums @ rows.reshape(self.m, -1)
-        return out.reshape(rows.shape)
 
     def _balance(self, X: Array, Omega: float, linear: LinearPart) -> tuple[Array, Array, Array, float]:
         """Return `linearise` without constraints between elements."""
@@ -301,6 +289,8 @@ class Evaluator:
 
     def curvature(self, X: Array, v: Array, h: float, Omega: float) -> tuple[Array, Array]:
         """Return derivatives (n, n) of dR/dX along v, by a central difference, and in Omega; not for AFT laws."""
+        from hbgear.harmonic.equations.assembly_kernels import sum_forces
+
         n, K, m = self.length(X), len(self.orders), self.m
         zero, Z = LinearPart.zero(K, m), self.linear(Omega).matrices[1]
         dJ_dv = (self._balance(X + h * v, Omega, zero)[1] - self._balance(X - h * v, Omega, zero)[1]) / (2 * h)
@@ -310,7 +300,10 @@ class Evaluator:
         blocks[:, a, :, a] = blocks[:, b, :, b] = Z[1:].real
         blocks[:, a, :, b], blocks[:, b, :, a] = Z[1:].imag, -Z[1:].imag
         dJ_dOmega = blocks.reshape(n, n)
-        return (self._tied(dJ_dv), self._tied(dJ_dOmega)) if self.structure.constrained else (dJ_dv, dJ_dOmega)
+        if self.structure.constrained:
+            sum_forces(self.packed.linear, n, dJ_dv)
+            sum_forces(self.packed.linear, n, dJ_dOmega)
+        return dJ_dv, dJ_dOmega
 
     def forces(self, X: Array, Omega: float) -> Array:
         """Return the force harmonics (m, 2H + 1) of all laws in the real basis."""

@@ -129,7 +129,7 @@ def with_driven_harmonics(evaluator: Evaluator, X: Array, Omega: Array) -> Array
         forces.add_truncated(X, Omega, truncated_orders, f)
     unreferenced = np.flatnonzero([law.reference == 0 for law in evaluator.laws])  # laws without a reference stiffness
     excitation = evaluator.receptance.truncated
-    if not unreferenced.size and evaluator.structure.modal and excitation is None:
+    if not unreferenced.size and evaluator.structure.accurate_modes and excitation is None:
         out = _with_zeros(evaluator, X)
         driven_response(evaluator.packed.linear, Omega, f, out)
         return out

@@ -66,6 +66,9 @@ class PackedLinearPart(NamedTuple):
     orders (K + 1,), truncated_orders (L,) : basis harmonics that are unknowns, all of 0..H by default; the others up to
         2H.
     prescribed (K + 1, m) : harmonics of the prescribed displacements.
+    independent (a,), dependent (b,), force_sums (a, b) : elements with independent directions, and the others, whose
+        directions are W_b = W_a B; B. `LinearStructure` explains the constraints.
+    tie_stiffness, tie_offsets (b, 2K + 1) : factor of the constraints, and their constants.
     loads (L, 2) : power of Omega of each load, and its position among the orders.
     nu : subharmonic order.
     radius, near_count (B,), far_series (B, J, N, 2) : radii of bands of far poles, the number of poles below each
@@ -78,6 +81,11 @@ class PackedLinearPart(NamedTuple):
     orders: np.ndarray
     truncated_orders: np.ndarray
     prescribed: ComplexArray
+    independent: np.ndarray
+    dependent: np.ndarray
+    force_sums: Array
+    tie_stiffness: float
+    tie_offsets: Array
     loads: np.ndarray
     nu: int
     radius: Array

@@ -278,14 +278,14 @@ class LinearStructure:
         return len(self.independent) < self.m
 
     @property
-    def accurate_modes(self) -> bool:
-        """Whether receptances are computed from the modes."""
-        return self.modes is not None and self.modes.condition < _MAX_EIGENVECTOR_CONDITION and not self.disturbed
+    def dependent(self) -> np.ndarray:
+        """Numbers of the elements whose directions are combinations of those of independent elements."""
+        return np.setdiff1d(np.arange(self.m), self.independent)
 
     @property
-    def modal(self) -> bool:
-        """Whether the receptances of all elements are computed from the modes in kernels."""
-        return self.accurate_modes and not self.constrained
+    def accurate_modes(self) -> bool:
+        """Whether receptances are computed from the modes, in kernels."""
+        return self.modes is not None and self.modes.condition < _MAX_EIGENVECTOR_CONDITION and not self.disturbed
 
     def _null(self, A: Array) -> Array:
         """Return the null space of a matrix of the coordinates, scaled by the masses."""

@@ -52,7 +52,7 @@ class FirstOrderExpansion:
     Parameters
     ----------
     structure : LinearStructure
-        Structure with modal receptances and at most 300 coordinates, see `is_possible`.
+        Structure for which an expansion is possible, see `is_possible`.
     """
 
     def __init__(self, structure: LinearStructure) -> None:
@@ -63,8 +63,8 @@ class FirstOrderExpansion:
 
     @staticmethod
     def is_possible(structure: LinearStructure) -> bool:
-        """Return whether a structure has modal receptances and at most 300 coordinates."""
-        return structure.modal and structure.n <= _MAX_EXPANDED_COORDINATES
+        """Return whether a structure has modal receptances, independent elements and at most 300 coordinates."""
+        return structure.accurate_modes and not structure.constrained and structure.n <= _MAX_EXPANDED_COORDINATES
 
     def of(self, system: System) -> LinearStructure:
         """Return the structure of a perturbed system, to first order if its size is the same, else exactly."""

@@ -32,7 +32,7 @@ from hbgear.common.arrays import Array, ComplexArray
 from hbgear.harmonic.forces.packed_model import PackedLinearPart, split_complex
 from hbgear.harmonic.structure.linear_structure import LinearStructure
 from hbgear.mechanics.models import System
-from hbgear.mechanics.series.fourier import stretch, to_complex
+from hbgear.mechanics.series.fourier import stretch, to_complex, to_real
 
 
 class LinearPart(NamedTuple):
@@ -163,21 +163,18 @@ class Receptance:
             e[: len(c), j] = c
         self.e = np.ascontiguousarray(e[self.k])
         self._loads = _load_parts(system, nu, {k: i for i, k in enumerate(self.k.tolist())})
-        self.packed = self._pack(np.arange(structure.m), structure.modal)
-        self._independent = (
-            self._pack(structure.independent, structure.accurate_modes) if structure.constrained else self.packed
-        )
+        self.packed = self._pack()
         self.truncated = TruncatedExcitation.of(system, self.packed.truncated_orders, nu)
 
-    def _pack(self, elements: np.ndarray, modal: bool) -> PackedLinearPart:
-        """Return the arrays for kernels of some elements, with the poles of the structure if ``modal``."""
-        structure, m = self.structure, len(elements)
+    def _pack(self) -> PackedLinearPart:
+        """Return the arrays for kernels."""
+        structure, m = self.structure, self.structure.m
         poles, residues = np.empty(0, dtype=complex), np.empty((m * (m + len(self._loads)), 0), dtype=complex)
-        if modal and structure.modes is not None:
+        if structure.accurate_modes and structure.modes is not None:
             modes = structure.modes
-            poles, output = modes.poles, modes.output[elements]
-            residues = (output[:, None, :] * modes.input[:, elements].T).reshape(m * m, len(poles))
-            driven = [output * (modes.left @ load.amplitudes) for load in self._loads]
+            poles = modes.poles
+            residues = (modes.output[:, None, :] * modes.input.T).reshape(m * m, len(poles))
+            driven = [modes.output * (modes.left @ load.amplitudes) for load in self._loads]
             residues = np.concatenate([residues, *driven])
             # near poles first: the kernels sum the far ones as a power series
             order = np.argsort(np.abs(poles), kind="stable")
@@ -185,10 +182,13 @@ class Receptance:
         loads = np.array([(load.power, load.position) for load in self._loads], dtype=np.int64).reshape(-1, 2)
         is_unknown = np.zeros(2 * self.H + 1, dtype=bool)
         is_unknown[self.k] = True
+        a, b = structure.independent.astype(np.int64), structure.dependent.astype(np.int64)
+        ties, stiffness = structure.compatibility[b], float(np.diag(structure.compatibility).max(initial=0.0))
         return PackedLinearPart(
-            split_complex(poles), split_complex(residues), np.array([structure.kr[elements], structure.c[elements]]),
-            self.k.astype(np.int64), np.flatnonzero(~is_unknown), np.ascontiguousarray(self.e[:, elements]), loads,
-            int(self.nu), *_far_poles(poles, residues),
+            split_complex(poles), split_complex(residues), np.array([structure.kr, structure.c]),
+            self.k.astype(np.int64), np.flatnonzero(~is_unknown), self.e,
+            a, b, np.ascontiguousarray(structure.force_sums[np.ix_(a, b)]), stiffness,
+            ties @ to_real(self.e.T), loads, int(self.nu), *_far_poles(poles, residues),
         )  # fmt: skip
 
     def loads(self, Omega: float) -> ComplexArray:
@@ -205,34 +205,23 @@ class Receptance:
             out = LinearPart.zero(len(self.k), s.m)
             self._fill_directly(Omega, out)
             return out
-        independent = self._at_independent(Omega)
-        if not np.isfinite(independent.matrices).all():  # at a pole of the receptance, where its inverse is smooth
-            sides = [self._at_independent(Omega * (1 + shift)) for shift in (-POLE_SHIFT, POLE_SHIFT)]
-            independent = LinearPart(*(0.5 * (below + above) for below, above in zip(*sides, strict=True)))
-        if not np.isfinite(independent.matrices).all():
+        out = self._from_poles(Omega)
+        if not np.isfinite(out.matrices).all():  # at a pole of the receptance, where its inverse is smooth
+            sides = [self._from_poles(Omega * (1 + shift)) for shift in (-POLE_SHIFT, POLE_SHIFT)]
+            out = LinearPart(*(0.5 * (below + above) for below, above in zip(*sides, strict=True)))
+        if not np.isfinite(out.matrices).all():
             raise ValueError(
                 f"at Omega = {Omega:g} the receptance of the structure is zero or infinite: "
                 "values of the model differ by too many orders of magnitude; check their units"
             )
-        return self._with_dependent_elements(Omega, independent) if s.constrained else independent
-
-    def _at_independent(self, Omega: float) -> LinearPart:
-        """Return the linear part of the independent elements at Omega, which is not finite at a natural frequency."""
-        from hbgear.harmonic.structure.receptance_kernels import linear_part
-
-        out = LinearPart.zero(len(self.k), len(self.structure.independent))
-        linear_part(self._independent, float(Omega), *out)
         return out
 
-    def _with_dependent_elements(self, Omega: float, independent: LinearPart) -> LinearPart:
-        """Return the linear part of all elements from that of the independent ones; the others have springs only."""
-        s, ratio = self.structure, (self.k / self.nu)[:, None]
-        out = LinearPart.zero(len(self.k), s.m)
-        out.matrices[0] = -np.diag(s.kr)
-        out.constants[0] = -(s.kr + 1j * Omega * ratio * s.c) * self.e
-        out.constants[1] = -1j * ratio * s.c * self.e
-        out.matrices[..., s.independent[:, None], s.independent] = independent.matrices
-        out.constants[..., s.independent] = independent.constants
+    def _from_poles(self, Omega: float) -> LinearPart:
+        """Return the linear part at Omega from the poles; it is not finite at a natural frequency."""
+        from hbgear.harmonic.structure.receptance_kernels import linear_part
+
+        out = LinearPart.zero(len(self.k), self.structure.m)
+        linear_part(self.packed, float(Omega), *out)
         return out
 
     def _fill_directly(self, Omega: float, out: LinearPart) -> None:

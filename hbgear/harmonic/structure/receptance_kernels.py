@@ -75,12 +75,11 @@ def _add_far_poles(linear: Any, count: int, w: Any, pole_terms: Any, sums: Any) 
 
 
 @kernel
-def _invert(A: Any, out: Any) -> None:
-    """Compute the inverses of K complex matrices (K, m, m) by Gauss-Jordan elimination with pivoting; A is overwritten.
+def _invert(A: Any, m: int, out: Any) -> None:
+    """Compute the inverses of the first m rows and columns of K complex matrices; A is overwritten.
 
-    The inverse of a singular matrix is nan.
+    The method is Gauss-Jordan elimination with pivoting. The inverse of a singular matrix is nan.
     """
-    m = A.shape[1]
     for n in range(A.shape[0]):
         for i in range(m):
             for j in range(m):
@@ -109,9 +108,8 @@ def _size(z: complex) -> float:
 
 
 @kernel
-def _multiply(A: Any, B: Any, factor: float, out: Any) -> None:
-    """Set out to factor A B for K matrices (K, m, m)."""
-    m = A.shape[1]
+def _multiply(A: Any, B: Any, factor: float, m: int, out: Any) -> None:
+    """Set out to factor A B for the first m rows and columns of K matrices."""
     for n in range(A.shape[0]):
         for i in range(m):
             for j in range(m):
@@ -135,14 +133,15 @@ def fill_linear_part(
 ) -> None:
     """Fill matrices with Z and dZ/dOmega (2, K + 1, m, m) and constants with g and dg/dOmega (2, K + 1, m).
 
-    w, pole_terms, sums and work are working memory, see `Workspace`.
+    Elements with dependent directions have springs only. w, pole_terms, sums and work are working memory, see
+    `Workspace`.
     """
     m, orders, springs, prescribed = matrices.shape[2], linear.orders, linear.springs, linear.prescribed
     K = orders.shape[0]
     for k in range(K):
         w[k] = Omega * (orders[k] / linear.nu)
     receptance(linear, linear.residues.shape[0], w, pole_terms, sums)
-    _stiffnesses(sums, orders, linear.nu, work, matrices)
+    _stiffnesses(sums, orders, linear.nu, linear.independent, work, matrices)
     for k in range(K):
         for i in range(m):
             e, loss = prescribed[k, i], orders[k] / linear.nu * springs[1, i]
@@ -167,9 +166,12 @@ def fill_linear_part(
 
 
 @inlined
-def _stiffnesses(sums: Any, orders: Any, nu: int, work: Any, matrices: Any) -> None:
-    """Fill matrices with Y = G^-1 and dY/dOmega = -Y dG/dOmega Y of all orders; nan where G is singular."""
-    K, m = orders.shape[0], matrices.shape[2]
+def _stiffnesses(sums: Any, orders: Any, nu: int, independent: Any, work: Any, matrices: Any) -> None:
+    """Fill matrices with Y = G^-1 and dY/dOmega = -Y dG/dOmega Y of all orders; nan where G is singular.
+
+    G is that of the independent elements; entries of the others are zero.
+    """
+    K, m, size = orders.shape[0], matrices.shape[2], independent.shape[0]
     if m == 1:  # most models have one element
         for k in range(K):
             G, dG = complex(sums[0, 0, k], sums[1, 0, k]), complex(sums[3, 0, k], -sums[2, 0, k])
@@ -177,11 +179,27 @@ def _stiffnesses(sums: Any, orders: Any, nu: int, work: Any, matrices: Any) -> N
             matrices[0, k, 0, 0], matrices[1, k, 0, 0] = Y, -orders[k] / nu * Y * Y * dG
         return
     for k in range(K):
-        for i in range(m):
-            for j in range(m):
-                n, ratio = i * m + j, orders[k] / nu
+        for i in range(size):
+            for j in range(size):
+                n, ratio = independent[i] * m + independent[j], orders[k] / nu
                 work[0, k, i, j] = complex(sums[0, n, k], sums[1, n, k])
                 work[1, k, i, j] = ratio * complex(sums[3, n, k], -sums[2, n, k])
-    _invert(work[0], matrices[0])
-    _multiply(work[1], matrices[0], 1.0, work[2])
-    _multiply(matrices[0], work[2], -1.0, matrices[1])
+    if size < m:
+        matrices[:, :, :, :] = 0j
+    _invert(work[0], size, matrices[0])
+    _multiply(work[1], matrices[0], 1.0, size, work[2])
+    _multiply(matrices[0], work[2], -1.0, size, matrices[1])
+    if size < m:
+        _move_to(independent, matrices[0])
+        _move_to(independent, matrices[1])
+
+
+@kernel
+def _move_to(places: Any, A: Any) -> None:
+    """Move the first rows and columns of K matrices to ascending places, the last ones first."""
+    for n in range(A.shape[0]):
+        for i in range(places.shape[0] - 1, -1, -1):
+            for j in range(places.shape[0] - 1, -1, -1):
+                x = A[n, i, j]
+                A[n, i, j] = 0j
+                A[n, places[i], places[j]] = x
