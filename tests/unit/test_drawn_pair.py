@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 import hbgear as hb
 from hbgear.analysis.quantities.axis_quantities import Abscissa, Ordinate
+from hbgear.cli import app as cli
 from hbgear.cli.quantities import Omega_of, parameter_value
 from hbgear.gears.pairs.drawn_pair import PARAMETERS
 from hbgear.harmonic.models.model_registry import rebuild_model
@@ -61,6 +63,19 @@ def test_a_file_has_the_model():
     model = drawn("bearings").replace(torque=210.0)
     assert rebuild_model(describe(model)) == model
     assert model.title == "Gear pair 25/40, m = 3 mm, 210 N m"
+
+
+@pytest.mark.parametrize(
+    ("parameter", "span", "unit"), [("torque", (200.0, 210.0), "N m"), ("damping", (0.04, 0.05), "-")]
+)
+def test_quantities_along_a_parameter_have_its_unit(tmp_path, parameter, span, unit):
+    problem = hb.HarmonicBalance(drawn(), 3)
+    curve = hb.trace(problem, parameter, span, at={"Omega": 0.8}, stability=False, special=False, accuracy=None)
+    found = hb.analysis.machine_quantities(curve)
+    np.testing.assert_allclose(found[f"{parameter} [{unit}]"][[0, -1]], span)
+    curve.save(tmp_path / "curve.npz")
+    out = CliRunner().invoke(cli.app, ["results", str(tmp_path / "curve.npz")]).output
+    assert "force, largest [N]" in out and f"{parameter} [" not in out
 
 
 def test_axes_in_physical_units():

@@ -31,6 +31,7 @@ from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.atomic_write import atomic_write
 from hbgear.common.text.messages import quoted
+from hbgear.common.text.symbols import shown_unit
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point, dof_index
 from hbgear.harmonic.forces.breakpoints import gap_samples
@@ -157,7 +158,8 @@ def machine_quantities(
     if isinstance(found, Branch):
         problem = problem_along(found, problem)
         parameters = [found.parameters_at(i) for i in range(len(found))]
-        columns = {} if found.parameter == "Omega" else {f"{found.parameter} [-]": found.values}
+        unit = shown_unit(str(problem.model.labels.get(found.parameter, ""))) or "-"
+        columns = {} if found.parameter == "Omega" else {f"{found.parameter} [{unit}]": found.values}
         columns |= _columns(problem, np.asarray(found.X), parameters, element, dof)
         if found.stable is not None:
             columns["stable"] = np.asarray(found.stable)

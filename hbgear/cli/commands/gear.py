@@ -264,7 +264,7 @@ def _largest(curves: Sequence[hb.Branch], quantities: MachineQuantities) -> Iter
         value for curve in curves for i, value in curve.unbounded_ends if curve.stable is None or curve.stable[i]
     ]  # fmt: skip
     for name, values in columns.items():
-        if name in ("curve", "stable", "Omega [-]", "mesh [Hz]", "pinion [r/min]", f"{first.parameter} [-]"):
+        if name.partition(" [")[0] in ("curve", "stable", "Omega", "mesh", "pinion", first.parameter):
             continue
         if not np.isfinite(values[stable]).any():
             yield [name, "undefined: static force is zero" if name.startswith("dynamic factor") else "-", "-"]
