@@ -116,17 +116,17 @@ def _asymptote_ahead(
     outward = float(X @ point.tangent[:-1]) / r if r else 0.0
     if not outward > 0:
         return None
-    limit_equations = problem.recession(X, {**fixed, name: p})
+    # extrapolated to u = 0, the tangent of (y, p)(u) leads to y = dX/dr and p + r dp/dr
+    size, y, value = abs(p) or 1.0, point.tangent[:-1] / outward, p + r * float(point.tangent[-1]) / outward
+    distance = float(np.hypot(norm(y - X / r), (value - p) / size))
+    limit_equations = problem.recession(X, {**fixed, name: p}) if distance < MAX_ASYMPTOTE_DISTANCE else None
     if limit_equations is None:
         return None
-    limit_problem, size = as_problem(limit_equations), abs(p) or 1.0
+    limit_problem = as_problem(limit_equations)
     evaluation = linearise(limit_problem, X, name, {**fixed, name: p})
     if not norm(evaluation.R) < MAX_LIMIT_RESIDUAL * size * norm(evaluation.dR_dp):
         return None
-    # extrapolated to u = 0, the tangent of (y, p)(u) leads to y = dX/dr and p + r dp/dr
-    y, value = point.tangent[:-1] / outward, p + r * float(point.tangent[-1]) / outward
-    distance = float(np.hypot(norm(y - X / r), (value - p) / size))
-    solution = _limit_solution(limit_problem, name, fixed, y, value) if distance < MAX_ASYMPTOTE_DISTANCE else None
+    solution = _limit_solution(limit_problem, name, fixed, y, value)
     if solution is None:
         return None
     miss = float(np.hypot(norm(solution[0] - y), (solution[1] - value) / size))
