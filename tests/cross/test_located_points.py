@@ -135,8 +135,8 @@ def test_a_point_without_the_multiplier_of_its_event_is_not_located(event):
 def test_multipliers_that_were_refined_at_the_ends_are_no_crossing(monkeypatch):
     """Refined multipliers at the ends of a segment jump to those along it: two evaluations are enough."""
     arc, _ = segment_without_events(NeimarkSackerEvent())
-    arc.a.observed["multipliers"] = np.array([1.1, 0.5], dtype=complex)
-    arc.b.observed["multipliers"] = np.array([1.05 + 0.2j, 1.05 - 0.2j])
+    arc.a.observed["multipliers"] = np.array([1.1, 0.6 + 0.3j, 0.6 - 0.3j])
+    arc.b.observed["multipliers"] = np.array([1.05 + 0.2j, 1.05 - 0.2j, 0.5])
     calls, multipliers = [], type(arc.problem).multipliers
 
     def counted(self, X, **given):
