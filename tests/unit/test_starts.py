@@ -9,6 +9,7 @@ import hbgear as hb
 from hbgear.continuation.curve.segment import CurvePoint, Segment
 from hbgear.harmonic.balance.initial_guess import from_damped
 from hbgear.harmonic.equations.static_state import static_states
+from hbgear.time.integration import state_of
 
 
 def oscillator(K, C, law, F=0.1, constant=None, displacement=None):
@@ -211,6 +212,26 @@ def test_a_supercritical_pitchfork_is_no_jump():
     assert branch.stable.all() and branch.values[-1] > branch.values[0]
     (found,) = hb.validate(curve, [jump.label]).jumps
     assert found.ok and found.status == "agrees" and found.rms == pytest.approx(found.before, rel=0.1)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("F", [0.35, 0.4])
+def test_motions_without_symmetry_end_at_a_pitchfork_without_a_jump(F):
+    """Damped motions in one of two wells; below the pitchfork integration finds a symmetric motion of the same size."""
+    law = hb.Cubic(k3=3.3, k1=-1.735)
+    C = [[2.465, -0.74, 0.0], [-0.74, 1.682, -0.833], [0.0, -0.833, 0.941]]
+    K = [[1.571, -0.494, 0.0], [-0.494, 1.049, -0.556], [0.0, -0.556, 0.556]]
+    system = hb.System(np.eye(3), C, K, [hb.Element([1.0, 0.0, 0.0], law)], hb.Load(cosine={1: [0.0, 0.0, F]}))
+    curve = hb.trace(hb.HarmonicBalance(system, 9), "Omega", (0.8, 0.3))
+    turn = curve["BP1"]
+    assert turn.amplitude("mean") == pytest.approx(0.0, abs=1e-6)
+    assert not any("both sides" in warning for warning in curve.warnings)
+    (jump,) = curve.jumps()
+    assert jump.label == "BP1" and jump.landing == "bifurcating" and jump.direction == -1
+    state = state_of(curve.problem, jump.after.X, **jump.after.parameters) + 0.004 * np.eye(6)[0]
+    d = hb.time.integrate(system, state, 15, jump.after.parameters["Omega"], samples=256, tolerance=1e-8).d[0, -256:]
+    assert d.std() == pytest.approx(jump.after.amplitude("rms"), rel=1e-3) and abs(d.mean()) < 0.02 * d.std()
+    assert d.std() == pytest.approx(turn.amplitude("rms"), rel=0.03)
 
 
 def test_a_subcritical_pitchfork_is_a_jump():

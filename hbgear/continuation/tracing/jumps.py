@@ -16,6 +16,7 @@ from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.interpolation import crossings_at
 from hbgear.continuation.results.layout import HasDistance
 from hbgear.continuation.results.point import BIFURCATING, Jump, Point, SpecialPoint
+from hbgear.continuation.results.reliability import branch_point_at
 from hbgear.continuation.results.stability import STABILITY_CHANGING_KINDS, is_stable
 from hbgear.continuation.solvers.newton import SEARCH_ERRORS, NewtonSettings, NoConvergence, Solution, solve
 from hbgear.continuation.stepping.control import StepControl
@@ -64,7 +65,12 @@ def find_jumps(branch: Branch, settings: NewtonSettings = NewtonSettings()) -> t
             continue
         # a fold ends one stable section; if uncertain points suggest two, the longer one is taken
         side, point = max(sides, key=lambda pair: _stable_run(branch, stability, fold.index, pair[0]))
-        direction = 1 if branch.values[fold.index] > branch.values[fold.index + side] else -1
+        neighbour = fold.index + side
+        if point is fold and (vertex := branch_point_at(branch, fold)) is not None:
+            # at the vertex of a pitchfork the sweep may continue on the curve that passes there
+            point, ends = vertex, sorted((vertex.index, fold.index))
+            neighbour = min(ends[1] + 1, len(branch) - 1) if side > 0 else ends[0] - 1
+        direction = 1 if branch.values[fold.index] > branch.values[neighbour] else -1
         onward = continuing(branch, point, direction, settings) if point.kind in _BRANCHING else None
         if onward is not None and point.kind == "PD":
             continue
