@@ -183,7 +183,7 @@ def test_errors_of_few_multipliers_give_those_of_the_points_between(zeta, harmon
     assert not np.any(doubtful & between)
     np.testing.assert_allclose(stated[computed], every[computed], rtol=1e-9, atol=1e-14)
     assert np.all(stated[between] >= 0.1 * every[between])
-    some = between & (every > 0)
+    some = between & (every > 1e-7)  # smaller ones are rounding, which depends on the processor
     assert some.sum() > 5 and np.median(stated[some] / every[some]) < 3
 
 
