@@ -45,3 +45,15 @@ def test_rigid_motions_of_a_free_beam_are_not_damped():
     bent = np.column_stack([np.cosh(x) - x, np.sinh(x) - 1]).ravel()
     bent -= rigid.T @ np.linalg.solve(rigid @ M @ rigid.T, rigid @ M @ bent)
     assert bent @ C @ bent >= 2 * 0.02 * FREE * (bent @ M @ bent)  # the damping of the lowest bending mode
+
+
+@pytest.mark.slow
+def test_the_backbone_of_a_fine_mesh_begins_at_the_lowest_mode():
+    """Its frequency and damping ratio at a small amplitude are those of the linear beam."""
+    M, K = beam(100, clamped=True)
+    tip = np.eye(1, len(M), len(M) - 2)[0]
+    load = hb.Load(cosine={1: 0.02 * tip})
+    system = hb.System(M, hb.mechanics.modal_damping(M, K, 0.02), K, [hb.Element(tip, hb.Cubic(k3=1.0))], load)
+    curve = hb.analysis.backbone(system, span=(1e-3, 2e-3))
+    assert curve.tracked["Omega"][0] == pytest.approx(CLAMPED, rel=1e-5)
+    assert curve.tracked["modal_damping"][0] == pytest.approx(0.02, rel=1e-4)

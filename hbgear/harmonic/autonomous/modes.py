@@ -16,14 +16,14 @@ from hbgear.common.arrays import Array, ComplexArray
 from hbgear.harmonic.equations.evaluator import Evaluator
 from hbgear.harmonic.equations.static_state import static_states
 from hbgear.harmonic.structure.linear_structure import dense
+from hbgear.mechanics.structures.modal_damping import modal_squares
 
 STATIC_FREQUENCY = 0.7390851332151607
 """Frequency at which the static terms are evaluated, which do not depend on it. It is not a round number, so that it is
 not a natural frequency of an undamped model."""
 
-_ZERO_MODE_RATIO = 1e-9
-"""Squared frequency or displacement, relative to the largest, below which a mode is a rigid-body motion, an open gap,
-or not measured by the elements."""
+_UNMEASURED_RATIO = 1e-9
+"""Displacement of the elements, relative to the largest of all modes, below which they do not measure a mode."""
 
 
 class LinearMode(NamedTuple):
@@ -73,12 +73,15 @@ def _modes(evaluator: Evaluator, rest: Array, stiffness: Array) -> list[LinearMo
     """Return the modes that the elements measure, in ascending frequency, without rigid-body and overdamped ones."""
     structure = evaluator.structure
     M, C, W = (np.asarray(dense(A)) for A in (structure.M, structure.C, structure.W))
-    K = np.asarray(dense(structure.K)) + W @ (stiffness - np.diag(structure.kr)) @ W.T
-    squares, vectors = _undamped_modes(0.5 * (M + M.T), 0.5 * (K + K.T))
+    K, opened = np.asarray(dense(structure.K)), stiffness - np.diag(structure.kr)
+    terms = np.abs(K) + np.abs(W) @ np.abs(opened) @ np.abs(W.T)
+    K = K + W @ opened @ W.T
+    vectors = _undamped_modes(0.5 * (M + M.T), 0.5 * (K + K.T))
+    squares = modal_squares(0.5 * (K + K.T), vectors, 0.5 * (terms + terms.T))
     sizes = np.linalg.norm(W.T @ vectors, axis=0)
     modes: list[LinearMode] = []
-    for r in np.flatnonzero(squares > _ZERO_MODE_RATIO * squares[-1]):
-        if sizes[r] <= _ZERO_MODE_RATIO * sizes.max():
+    for r in np.flatnonzero(squares):
+        if sizes[r] <= _UNMEASURED_RATIO * sizes.max():
             continue
         eigenvalue, v = _damped_mode(M, C, K, float(squares[r]), vectors[:, r])
         if eigenvalue.real <= 0 or abs(eigenvalue.imag) >= 2 * eigenvalue.real:
@@ -94,8 +97,8 @@ _MASSLESS_RATIO = 1e-13
 """Eigenvalue of M with scaled coordinates, relative to the largest, that is zero."""
 
 
-def _undamped_modes(M: Array, K: Array) -> tuple[Array, Array]:
-    """Return the squared frequencies and the modes of K v = omega^2 M v; motions without mass follow statically.
+def _undamped_modes(M: Array, K: Array) -> Array:
+    """Return the modes of K v = omega^2 M v by ascending frequency; motions without mass follow statically.
 
     With v = R a + N b, N the null space of M, the equations without mass give b = -(N^T K N)^-1 N^T K R a. A motion b
     without stiffness, as of a damper alone, is left at rest here and follows when the damping is added.
@@ -106,8 +109,8 @@ def _undamped_modes(M: Array, K: Array) -> tuple[Array, Array]:
     R, N = motions[:, ~zero] / scale[:, None], motions[:, zero] / scale[:, None]
     # motions without mass follow the others statically
     T = R - N @ (np.linalg.pinv(N.T @ K @ N, hermitian=True) @ (N.T @ K @ R))
-    squares, V = scipy.linalg.eigh(R.T @ K @ T, np.diag(masses[~zero]))
-    return squares, T @ V
+    vectors: Array = T @ scipy.linalg.eigh(R.T @ K @ T, np.diag(masses[~zero]))[1]
+    return vectors
 
 
 _DAMPING_STEPS = 10

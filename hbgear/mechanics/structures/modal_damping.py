@@ -79,13 +79,21 @@ def modal_damping(M: Any, K: Any, ratios: float | Sequence[float]) -> Array:
     if squares[0] < -ASYMMETRY * np.abs(squares).max():
         raise ValueError(f"modal_damping: K has a negative eigenvalue, omega^2 = {squares[0]:.4g}: the structure is "
                          "not stable without its elements; give C")  # fmt: skip
-    squares = np.sum(modes * (K @ modes), axis=0)
-    rounding = REST_ROUNDING * np.sum(np.abs(modes) * (np.abs(K) @ np.abs(modes)), axis=0)
-    frequencies = np.sqrt(np.where(squares > rounding, squares, 0.0))
+    frequencies = np.sqrt(modal_squares(K, modes, np.abs(K)))
     zeta = np.concatenate([values, np.full(max(len(squares) - values.size, 0), values[-1])])[: len(squares)]
     M_modes = M @ modes
     C: Array = (M_modes * (2 * zeta * frequencies)) @ M_modes.T
     return C
+
+
+def modal_squares(K: Array, modes: Array, terms: Array) -> Array:
+    """Return the squared frequencies (r,) of modes (n, r) of unit modal mass; zero of modes at rest.
+
+    terms (n, n) : sums of the absolute values of the terms of K, which bound its rounding errors.
+    """
+    squares = np.sum(modes * (K @ modes), axis=0)
+    rounding = REST_ROUNDING * np.sum(np.abs(modes) * (terms @ np.abs(modes)), axis=0)
+    return np.where(squares > rounding, squares, 0.0)
 
 
 def _symmetric(name: str, A: Any) -> Array:
