@@ -118,7 +118,7 @@ def special_table(
     rows : list of list of str
         Cells.
     """
-    height = Ordinate(measure or usual_measure(branch, dimensionless), element, dimensionless=dimensionless)
+    height = Ordinate(measure or usual_measure(branch, dimensionless, element), element, dimensionless=dimensionless)
     branch = height.prepared(branch)
     rows = [
         [point.label, *position_texts(branch, point, dimensionless), size_text(point, height, branch), regime_of(point),
@@ -180,7 +180,7 @@ def jump_table(
     The last column states how the landing was chosen: the nearest known stable motion, or by integration. The other
     arguments are those of `special_table`.
     """
-    height = Ordinate(measure or usual_measure(branch, dimensionless), element, dimensionless=dimensionless)
+    height = Ordinate(measure or usual_measure(branch, dimensionless, element), element, dimensionless=dimensionless)
     rows, notes = [], []
     branches = [height.prepared(curve) for curve in (branch, *others)]
     branch = branches[0]
@@ -412,7 +412,6 @@ def summary_facts(branch: Branch, measure: str | None = None, dimensionless: boo
     tuple of str
         Name and text.
     """
-    measure = measure or usual_measure(branch, dimensionless)
     stable, layout = branch.stable, branch.layout
     settings = _settings_of(branch)
     yield "model", title_of(branch)
@@ -432,7 +431,7 @@ def summary_facts(branch: Branch, measure: str | None = None, dimensionless: boo
         yield "stability", ", ".join([f"{counts['stable']} points stable", *other_counts])
     yield "regimes", ", ".join(dict.fromkeys(regime_of(branch[i]) for i in range(len(branch))))
     for j, name in enumerate(layout.elements if layout else ()):
-        height = Ordinate(measure, j, dimensionless=dimensionless)
+        height = Ordinate(measure or usual_measure(branch, dimensionless, j), j, dimensionless=dimensionless)
         size = height.along(height.prepared(branch))
         (location,) = values_text(branch, [branch.values[int(np.nanargmax(size))]], dimensionless)
         yield f"{height.header(branch)} of {name}", f"{np.nanmin(size):.5g} to {np.nanmax(size):.5g} (at {location})"

@@ -225,7 +225,7 @@ def show_jumps(
 def show_path(run: hb.analysis.RunUp, measure: str | None, element: int | str, dimensionless: bool = False) -> None:
     """Print the sections of the path of a slow sweep, and where it jumps."""
     first = run.sections[0].branch
-    height = Ordinate(measure or usual_measure(first, dimensionless), element, dimensionless=dimensionless)
+    height = Ordinate(measure or usual_measure(first, dimensionless, element), element, dimensionless=dimensionless)
     abscissa, jumps, rows = Abscissa([first], dimensionless), list(run.jumps), []
     for number, section in enumerate(run.sections):
         branch, last = height.prepared(section.branch), int(section.points[-1])

@@ -128,7 +128,7 @@ def loaded(file: Path, measure: str | None, element: int | str, dimensionless: b
     An unknown measure or element is refused before anything is printed.
     """
     branch = hb.load(file)
-    quantity = measure or usual_measure(branch, dimensionless)
+    quantity = measure or usual_measure(branch, dimensionless, element)
     height = Ordinate(quantity, element, dimensionless=dimensionless)
     height.at(height.prepared(branch)[0], branch)
     return branch, quantity

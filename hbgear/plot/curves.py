@@ -128,7 +128,7 @@ def response(
     if kind_of(branch) != "periodic":
         return with_other_kinds(responses, [branch], measure, element, ax, names=[label] if label else None,
                                 legend=legend, dimensionless=dimensionless)  # fmt: skip
-    height = Ordinate(measure or usual_measure(branch, dimensionless), element, dof, dimensionless)
+    height = Ordinate(measure or usual_measure(branch, dimensionless, element), element, dof, dimensionless)
     branch = height.prepared(branch)
     abscissa = Abscissa([branch], dimensionless)
     amplitude = height.along(branch)
@@ -231,7 +231,7 @@ def responses(
                         dimensionless=dimensionless)  # fmt: skip
     is_new, is_empty, abscissa = ax is None, ax is None or not ax.has_data(), Abscissa(branches, dimensionless)
     dimensionless = dimensionless or not same_unit_of_amplitude(branches)
-    height = Ordinate(measure or usual_measure(branches[0], dimensionless), element, dof, dimensionless)
+    height = Ordinate(measure or usual_measure(branches[0], dimensionless, element), element, dof, dimensionless)
     branches = [height.prepared(branch) for branch in branches]
     with styled():
         ax = axes_or_new(ax, (6.4, 3.8))

@@ -92,7 +92,7 @@ def runs(
     both_runs = [run_up(branch, direction, others) for direction in ("down", "up")]  # the wider one first
     is_new, curves = ax is None, [branch, *branch.others, *others]
     abscissa = Abscissa(curves, dimensionless)
-    height = Ordinate(measure or usual_measure(branch, dimensionless), element, dimensionless=dimensionless)
+    height = Ordinate(measure or usual_measure(branch, dimensionless, element), element, dimensionless=dimensionless)
     with styled():
         ax = axes_or_new(ax, (5.0, 3.4))
         for curve in curves:

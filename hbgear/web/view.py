@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hbgear.analysis.jump_landings import Landing, landings
-from hbgear.analysis.quantities.axis_quantities import Ordinate
+from hbgear.analysis.quantities.axis_quantities import Ordinate, are_meshes
 from hbgear.analysis.quantities.engineering_quantities import problem_along, with_known_problem
 from hbgear.analysis.quantities.length_units import in_figure
 from hbgear.analysis.summary import (
@@ -125,6 +125,7 @@ def view(branch: Branch, name: str, landed: Sequence[Landing] = (), with_forces:
             "rate": getattr(getattr(model_of(branch), "scales", None), "frequency", None) if length else None,
         },
         "elements": list(layout.elements),
+        "meshes": are_meshes(model_of(branch), layout),
         "breakpoints": [list(points) for points in layout.breakpoints],
         "harmonics": layout.harmonics,
         "nu": layout.nu,

@@ -11,8 +11,9 @@ import pytest
 from browser import browser, check_only_own_scripts_run, check_toolbars, clicked, complaints, opened, resized
 
 import hbgear as hb
+from hbgear.analysis.quantities.axis_quantities import are_meshes, usual_measure
 from hbgear.analysis.quantities.engineering_quantities import transmission_error
-from hbgear.analysis.summary import title_of
+from hbgear.analysis.summary import summary_facts, title_of
 from hbgear.cli.app import main
 from hbgear.common import optional
 from hbgear.continuation.results.interpolation import crossings_at
@@ -325,6 +326,22 @@ def test_measured_transmission_errors_are_drawn_among_transmission_errors(tmp_pa
                 dots_of(tmp_path / "run.csv", [curve])
         else:
             assert [group["measure"] for group in dots_of(tmp_path / "run.csv", [curve])] == [measure]
+
+
+def test_a_bearing_has_no_transmission_error(tmp_path):
+    """Tables, figures and pages show half of the peak-to-peak displacement of a bearing under this name."""
+    model = hb.gears.GearRotorBearing(reference=(38000.0, 37.6e-6, 15000.0, 25))
+    curve = hb.trace(hb.HarmonicBalance(model, 3), "Omega", (1.5, 1.4), stability=False, special=False)
+    assert [usual_measure(curve, element=name) for name in ("gap", "bearing 1", 2)] == ["dte", "pp2", "pp2"]
+    assert [name.partition(" [")[0] for name, _ in summary_facts(curve) if "bearing" in name] == ["pp2", "pp2"]
+    assert (
+        hb.plot.response(curve, element="bearing 1").get_ylabel()
+        == "half peak-to-peak of $d$, bearing 1 [\N{MICRO SIGN}m]"
+    )
+    (shown,) = views([curve], ["a"], with_tables=False)
+    assert shown["meshes"] == [True, False, False]
+    planets = hb.gears.PlanetarySet()
+    assert all(are_meshes(planets, hb.HarmonicBalance(planets, 1).layout))
 
 
 def test_measured_points_need_curves_in_omega(tmp_path):

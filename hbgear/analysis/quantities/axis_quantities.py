@@ -80,8 +80,34 @@ def same_unit_of_amplitude(branches: Sequence[Branch]) -> bool:
     return len(has_length) == 1
 
 
-def usual_measure(branch: Branch, dimensionless: bool = False) -> str:
-    """Return the measure that is shown by default: the dynamic transmission error, or "pp2" without physical units.
+def are_meshes(model: Model | None, layout: Layout) -> list[bool]:
+    """Return whether each element of a model is a mesh of teeth.
+
+    Parameters
+    ----------
+    model : Model or None
+        Model; None if it is unknown.
+    layout : Layout
+        Layout of its unknowns.
+
+    Returns
+    -------
+    list of bool
+        One entry for each element; the first element is a mesh if the model names none.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> pair = hb.gears.GearRotorBearing()
+    >>> are_meshes(pair, hb.HarmonicBalance(pair, 3).layout)
+    [True, False, False]
+    """
+    names = model.mesh_names if model is not None else ()
+    return [name in names if names else number == 0 for number, name in enumerate(layout.elements)]
+
+
+def usual_measure(branch: Branch, dimensionless: bool = False, element: int | str = 0) -> str:
+    """Return the measure that is shown by default: the transmission error of a mesh in physical units, otherwise "pp2".
 
     Parameters
     ----------
@@ -89,6 +115,8 @@ def usual_measure(branch: Branch, dimensionless: bool = False) -> str:
         Branch to show.
     dimensionless : bool, optional
         Whether amplitudes keep the unit of the model; default False.
+    element : int or str, optional
+        Element by number or name; default 0. A bearing has no transmission error.
 
     Returns
     -------
@@ -101,7 +129,10 @@ def usual_measure(branch: Branch, dimensionless: bool = False) -> str:
     >>> usual_measure(hb.trace(hb.HarmonicBalance(hb.Duffing(), 3), "Omega", (0.8, 0.9)))
     'pp2'
     """
-    if dimensionless or layout_of(branch) is None or length_scale(model_of(branch), {}) is None:
+    layout, model = layout_of(branch), model_of(branch)
+    if dimensionless or layout is None or length_scale(model, {}) is None:
+        return "pp2"
+    if not are_meshes(model, layout)[layout.index(element)]:
         return "pp2"
     try:
         problem_along(branch)

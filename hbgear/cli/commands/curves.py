@@ -237,10 +237,10 @@ def info(
     dimensionless: options.Dimensionless = False,
 ) -> None:
     """Summarise a saved curve: model, status, special points, jumps and accuracy."""
-    branch, measure = loaded(file, measure, element, dimensionless)
+    branch, shown = loaded(file, measure, element, dimensionless)
     rows = [[name, text] for name, text in summary_facts(branch, measure, dimensionless) if text]
     print_table(["", str(file)], rows)
-    show_all_branches(branch, measure, element, dimensionless=dimensionless)
+    show_all_branches(branch, shown, element, dimensionless=dimensionless)
 
 
 def jumps(

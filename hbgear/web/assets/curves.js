@@ -57,7 +57,7 @@ const hbgear = (() => {
     const known = state.curves[0].amplitudes;
     if (dots && (dots.measure in known || /^H[1-9]/.test(dots.measure))) return dots.measure;
     if (state.behind.some((b) => b.sizes && !("dte" in b.sizes))) return "pp2"; // tori and backbones have no transmission error
-    return "dte" in known && state.units ? "dte" : "pp2";
+    return "dte" in known && state.units && state.curves[0].meshes[elementOf(state.curves[0])] ? "dte" : "pp2";
   }
 
   function compared() { // measured points were added: show their measure
@@ -521,7 +521,7 @@ const hbgear = (() => {
     state.behind = data.behind || [];
     setTheme(window.matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light");
     $("measure").addEventListener("change", (event) => { state.measure = event.target.value; chosenMeasure = true; redraw(); });
-    $("element").addEventListener("change", (event) => { state.element = Number(event.target.value); redraw(); });
+    $("element").addEventListener("change", (event) => { state.element = Number(event.target.value); compared(); });
     $("theme").addEventListener("click", () => { setTheme(state.theme === "dark" ? "light" : "dark"); redraw(); });
     let before = null;
     window.addEventListener("beforeprint", () => {
