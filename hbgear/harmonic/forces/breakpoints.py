@@ -17,7 +17,7 @@ from typing import NamedTuple, cast
 import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
-from hbgear.harmonic.forces.packed_laws import Packing
+from hbgear.harmonic.forces.packed_laws import MovingLevel, PackedSpring, Packing
 from hbgear.mechanics.laws.laws import Law
 from hbgear.mechanics.laws.mesh_contacts import contacts_of
 from hbgear.mechanics.series.fourier import derive, evaluate, samples_of, stretch, to_complex, to_real
@@ -114,17 +114,31 @@ def piecewise_excitation(
     PiecewiseExcitation
         Piecewise polynomials; empty for a model without breakpoints.
     """
-    springs, levels, cubic = packing.springs, packing.levels, packing.table.cubic
-    m, S = len(elements), len(springs)
     phases = [x for element in elements for x in (*_phases(element.law), *element.displacement.corners)]
-    if not phases and not levels:
-        return _without_breakpoints(m, S, H, len(truncated_orders))
-    e = [element.displacement for element in elements]
+    if not phases and not packing.levels:
+        return _without_breakpoints(len(elements), len(packing.springs), H, len(truncated_orders))
+    displacements, cubic = [element.displacement for element in elements], packing.table.cubic.tolist()
+    return _with_breakpoints(
+        tuple(phases), tuple(displacements), tuple(packing.springs), tuple(packing.levels), tuple(map(tuple, cubic)),
+        H, nu, N, tuple(orders.tolist()), tuple(truncated_orders.tolist()),
+    )  # fmt: skip
+
+
+@lru_cache(maxsize=8)  # differences in a parameter such as the damping do not change the laws
+def _with_breakpoints(
+    phases: tuple[float, ...], e: tuple[Phased, ...], springs: tuple[PackedSpring, ...],
+    levels: tuple[MovingLevel, ...], cubic: tuple[tuple[float, ...], ...], H: int, nu: int, N: int,
+    orders: tuple[int, ...], truncated_orders: tuple[int, ...],
+) -> PiecewiseExcitation:  # fmt: skip
+    """Return `piecewise_excitation` of prescribed displacements, springs, levels and cubic coefficients (m, 2)."""
+    m, S = len(e), len(springs)
     gaps = [_segments_of(function, nu).scaled(-1.0) if function.corners else None for function in e]
-    retained, truncated = _harmonics_with_breakpoints(e, H, nu, orders, truncated_orders)
+    retained, truncated = _harmonics_with_breakpoints(
+        e, H, nu, np.array(orders, dtype=int), np.array(truncated_orders, dtype=int)
+    )
     highest = max([0, *(spring.law.stiffness.order for spring in springs)]) * nu
     length = 8 * H + highest + 1
-    spring_tables = _spring_tables(packing, e, nu, length)
+    spring_tables = _spring_tables(springs, levels, e, nu, length)
     tables = [table for table in spring_tables if table]
     counts = [len(table[0].at) if table else 0 for table in spring_tables]
     level_tables = [
@@ -155,7 +169,7 @@ def piecewise_excitation(
         stiffness=_stack_padded([k.rows for k, *_ in tables], 4),
         integrals=_concatenate_integrals([moments for *_, moments in tables], counts, S, length),
         gap_force=_stack_padded([kw.rows for _, kw, _ in tables], 7),
-        gap_powers=_powers(gaps, cubic, length),
+        gap_powers=_powers(gaps, np.array(cubic), length),
         grid=_grid(e, retained, nu, N),
     )
 
@@ -175,17 +189,17 @@ def _harmonics_with_breakpoints(
 
 
 def _spring_tables(
-    packing: Packing, e: Sequence[Phased], nu: int, length: int
+    springs: Sequence[PackedSpring], levels: Sequence[MovingLevel], e: Sequence[Phased], nu: int, length: int
 ) -> list[tuple[Pieced, Pieced, ComplexArray] | None]:
     """Return `_stiffness_segments` of each spring; None for a spring without breakpoints in the phase."""
     m = len(e)
-    level_of = [None] * m + [moving.level for moving in packing.levels]
+    level_of = [None] * m + [moving.level for moving in levels]
     return [
         _stiffness_segments(
             spring.law.stiffness, e[spring.element], cast(Phased | None, level_of[spring.displacement]), nu, length
         )
         if spring.law.stiffness.corners or e[spring.element].corners or spring.displacement >= m else None
-        for spring in packing.springs
+        for spring in springs
     ]  # fmt: skip
 
 

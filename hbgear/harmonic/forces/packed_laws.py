@@ -147,7 +147,7 @@ def _public_breakpoints(
         for x, side in zip(law.breakpoints, flanks_of(contacts) if contacts else law.breakpoints, strict=True):
             if contacts:
                 owner.append(len(laws) + len(levels))
-                levels.append(MovingLevel(j, first_level(contacts, int(side)).pieces.scaled(float(side))))
+                levels.append(MovingLevel(j, first_level(contacts, int(side)).level))
             else:
                 owner.append(j)
             level.append(0.0 if contacts else float(x))

@@ -414,15 +414,15 @@ def moving_springs_of(law: Law) -> tuple[tuple[MovingSpring, ...], float, float]
 
 
 class Envelope(NamedTuple):
-    """First level of the contacts of a flank over the period, times its side, and its smallest value."""
+    """First level of the contacts of a flank over the period, and its smallest value times the side of the flank."""
 
-    pieces: Pieced
+    level: Pieced
     smallest: float
 
 
 @lru_cache(maxsize=32)
 def first_level(contacts: tuple[ToothContact, ...], side: int) -> Envelope:
-    """Return the smallest side * level of all contacts of a side that exist at each phase.
+    """Return the level of the contacts of a side with the smallest side * level of those that exist at each phase.
 
     It jumps where a contact begins or ends. Where no contact exists, it is larger than all levels by their range.
     """
@@ -456,7 +456,7 @@ def first_level(contacts: tuple[ToothContact, ...], side: int) -> Envelope:
     pieces = Pieced(np.array(piece_starts), np.concatenate([as_cubic(row[None]) for row in out]))
     ends = np.linspace(0.0, 1.0, 9) * pieces.widths[:, None]
     smallest = np.polynomial.polynomial.polyval(ends, pieces.rows.T[..., None], tensor=False).min()
-    return Envelope(pieces, float(smallest))
+    return Envelope(pieces.scaled(float(side)), float(smallest))
 
 
 def _crossings(rows: Array, present: np.ndarray, width: float) -> list[tuple[float, int]]:

@@ -36,7 +36,7 @@ def rule() -> tuple[Array, Array]:
     return 0.5 + 0.5 * x, 0.5 * w
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Pieced:
     """Piecewise polynomials over one period [0, 2 pi) of a phase.
 
