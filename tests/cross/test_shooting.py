@@ -11,7 +11,7 @@ from hbgear.continuation.solvers.newton import solve
 from hbgear.gears import DoubleHelicalPair
 from hbgear.mechanics import PiecewiseLinear
 
-FINE = {"points": 5, "width": 0.3}
+FINE = {"points": 5, "max_step": 0.3}
 
 
 def motion(model, Omega, H, start=1.6, coarse=12):

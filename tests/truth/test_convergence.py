@@ -113,9 +113,9 @@ def two_laws():
 def test_multipliers_converge_with_twice_the_points(case, points, width):
     problem, X, Omega = case()
     widths = width * 2.0 ** -np.arange(3)
-    truth = np.sort_complex(problem.multipliers(X, points=6, width=0.05, Omega=Omega))
+    truth = np.sort_complex(problem.multipliers(X, points=6, max_step=0.05, Omega=Omega))
     errors = [
-        np.abs(np.sort_complex(problem.multipliers(X, points=points, width=w, Omega=Omega)) - truth).max()
+        np.abs(np.sort_complex(problem.multipliers(X, points=points, max_step=w, Omega=Omega)) - truth).max()
         for w in widths
     ]
     assert min(errors) > 1e-13
@@ -125,7 +125,7 @@ def test_multipliers_converge_with_twice_the_points(case, points, width):
 @pytest.mark.parametrize("case", [dragged, parametric, smooth, two_laws])
 def test_default_steps_are_fine_enough(case):
     problem, X, Omega = case()
-    truth = np.sort_complex(problem.multipliers(X, points=6, width=0.05, Omega=Omega))
+    truth = np.sort_complex(problem.multipliers(X, points=6, max_step=0.05, Omega=Omega))
     np.testing.assert_allclose(np.sort_complex(problem.multipliers(X, Omega=Omega)), truth, atol=1e-7)
 
 

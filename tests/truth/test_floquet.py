@@ -93,7 +93,7 @@ def chain(n=12):
     return System(np.eye(n), 0.01 * np.eye(n), K, [spring], Load(cosine={1: 0.4 * np.eye(n)[-1]}))
 
 
-FINE = {"points": 5, "width": 0.05}
+FINE = {"points": 5, "max_step": 0.05}
 CASES = {
     "Duffing": (lambda rng: Duffing(), 1.0),
     "SpurPair": (lambda rng: SpurPair(eps=(0.2, 0.1)), 0.8),
@@ -476,9 +476,9 @@ def test_steps_of_few_and_of_many_points():
     problem, X, Omega = CURVES["long steps"]()
     compiled = problem.compiled({})
     parts = compiled.stability_modes()
-    long = monodromies(compiled, parts.coupled, parts.mobility, X, Omega, points=8, width=0.8)
+    long = monodromies(compiled, parts.coupled, parts.mobility, X, Omega, points=8, max_step=0.8)
     for points in (4, 6):
-        short = monodromies(compiled, parts.coupled, parts.mobility, X, Omega, points=points, width=0.2)
+        short = monodromies(compiled, parts.coupled, parts.mobility, X, Omega, points=points, max_step=0.2)
         np.testing.assert_allclose(short, long, rtol=0, atol=1e-10)
 
 

@@ -148,7 +148,7 @@ def test_reference_stiffness_changes_nothing(kr):
     X = a.start(1.0)
     np.testing.assert_allclose(b.evaluate(X, Omega=1.0)[1], a.evaluate(X, Omega=1.0)[1], atol=1e-10)
     np.testing.assert_allclose(b.residual(X, Omega=1.0), 0, atol=1e-9)
-    fine = {"width": 0.02, "points": 5, "Omega": 1.0}
+    fine = {"max_step": 0.02, "points": 5, "Omega": 1.0}
     np.testing.assert_allclose(b.multipliers(X, **fine), a.multipliers(X, **fine), atol=1e-9)
     # also with the default steps
     np.testing.assert_allclose(b.multipliers(X, Omega=1.0), a.multipliers(X, **fine), atol=1e-7)

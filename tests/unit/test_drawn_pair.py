@@ -41,6 +41,15 @@ def test_a_changed_design_has_the_motion_of_a_fresh_model(form):
     assert changed.scales.frequency == pytest.approx(drawn(form).scales.frequency, rel=1e-12)
 
 
+def test_multipliers_take_the_width_of_the_gears_as_a_parameter():
+    """The width [mm] was taken as the step size of the multipliers: it had no effect, and events raised TypeError."""
+    problem, wide = (hb.HarmonicBalance(model, 8) for model in (drawn(), drawn().replace(width=30.0)))
+    X = wide.start(1.2)
+    given = problem.multipliers(X, points=8, max_step=1.0, Omega=1.2, width=30.0)
+    np.testing.assert_allclose(given, wide.multipliers(X, points=8, max_step=1.0, Omega=1.2), rtol=1e-10)
+    assert abs(given[0] - problem.multipliers(X, Omega=1.2)[0]) > 1e-4
+
+
 def test_every_parameter_is_read_and_changed():
     model = drawn("bearings").replace(friction=0.05)
     absent = {"tip_relief_pinion", "tip_relief_wheel", "runout_pinion", "runout_wheel"}  # equal reliefs, no run-out

@@ -289,7 +289,7 @@ def test_critically_damped_structure(zeta):
     w = 0.8 * np.arange(H + 1)
     np.testing.assert_allclose(part.Z[:, 0, 0], 1 - w**2 + 2j * zeta * w, rtol=1e-9)
     X = problem.start(0.8)
-    product = np.prod(problem.multipliers(X, Omega=0.8, width=0.1))
+    product = np.prod(problem.multipliers(X, Omega=0.8, max_step=0.1))
     # absolute error from the cancellation of two modes with condition numbers up to 1e8
     assert product == pytest.approx(np.exp(-2 * zeta * 2 * np.pi / 0.8), rel=1e-6, abs=2e-10)
 

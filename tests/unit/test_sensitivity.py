@@ -317,7 +317,7 @@ def test_row_of_a_curve(spur):
             here = {**other.parameters, "Omega": Omega}
             X = refine(other, solve(other, row.X, here), here).X
             sizes.append(float(row.layout.measure("pp2", X)))
-            moduli.append(abs(other.multipliers(X, points=8, width=1.0, Omega=Omega)[0]))
+            moduli.append(abs(other.multipliers(X, points=8, max_step=1.0, Omega=Omega)[0]))
         assert found.of("pp2")[name] == pytest.approx((sizes[0] - sizes[1]) / (2 * h), rel=1e-6)
         assert found.of("|mu|")[name] == pytest.approx((moduli[0] - moduli[1]) / (2 * h), rel=1e-5, abs=5e-6)
 

@@ -173,7 +173,7 @@ class Multipliers(ContinuationProblem):
     def observe(self, X, stability=True, **parameters):
         return {"multipliers": self.multipliers(X, **parameters)}
 
-    def multipliers(self, X, points=None, width=None, *, p):
+    def multipliers(self, X, points=None, max_step=None, *, p):
         return np.concatenate([np.atleast_1d(f(p)) for f in self.of]).astype(complex)
 
     smooth = False  # events are bracketed
@@ -268,11 +268,11 @@ def test_the_longest_floquet_step_is_a_share_of_the_excitation_period(nu):
     """Over nu periods the integration takes nu times as many equal steps: multipliers are powers within rounding, with
     the same error of the steps. Mutants: the step is a share of the basis period; the share is divided by nu^2."""
     base = HarmonicBalance(SpurPair(zeta=0.1, eps=(0.0,) * 5 + (0.4,), e=(0.02,)), 10)
-    X, here = base.start(3.0), {"Omega": 3.0, "points": 3, "width": 100.0}
+    X, here = base.start(3.0), {"Omega": 3.0, "points": 3, "max_step": 100.0}
     wide = base.with_order(nu)
     mu, powers = (np.sort_complex(x) for x in (
         wide.multipliers(wide.from_layout(X, base.layout), **here), base.multipliers(X, **here) ** nu))  # fmt: skip
-    fine = np.sort_complex(base.multipliers(X, Omega=3.0, points=8, width=0.05) ** nu)
+    fine = np.sort_complex(base.multipliers(X, Omega=3.0, points=8, max_step=0.05) ** nu)
     np.testing.assert_allclose(mu, powers, rtol=0, atol=1e-12)
     assert np.abs(powers - fine).max() > 1e-9  # the steps cause a larger error, so other steps would be detected
 

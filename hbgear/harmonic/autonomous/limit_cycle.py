@@ -110,11 +110,11 @@ class LimitCycleProblem(MinimallyAugmentedProblem):
         return {"model": described, "balance": balance, "curve": {"of": type(self).__name__, "in": self.parameter}}
 
     def multipliers(
-        self, X: Array, points: int | None = None, width: float | None = None, **parameters: float
+        self, X: Array, points: int | None = None, max_step: float | None = None, **parameters: float
     ) -> ComplexArray:
         """Return the multipliers of unknowns (X, Omega) without the one of the arbitrary phase, largest first."""
         X, unknown = self.solution_of(X)
-        return without_trivial(self.problem.multipliers(X, points, width, **{**parameters, **unknown}))
+        return without_trivial(self.problem.multipliers(X, points, max_step, **{**parameters, **unknown}))
 
     def observe(self, X: Array, stability: bool = True, **parameters: float) -> dict[str, Any]:
         """Return regime, truncation error and the multipliers without the one of the arbitrary phase."""

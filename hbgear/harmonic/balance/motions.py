@@ -179,19 +179,19 @@ class PeriodicMotions(HarmonicEquations):
 
     @checked_arguments()
     def multipliers(
-        self, X: Array, points: int | None = None, width: float | None = None, **parameters: float
+        self, X: Array, points: int | None = None, max_step: float | None = None, **parameters: float
     ) -> ComplexArray:
         """Return the Floquet multipliers of the motion over its period, largest first; see `floquet_multipliers`."""
         X = self._checked_unknowns(X, parameters)
         if points is not None:
             counted("points", points, 50)
-        if width is not None:
-            checked("multipliers", "width", width, POSITIVE)
+        if max_step is not None:
+            checked("multipliers", "max_step", max_step, POSITIVE)
         restricted = self.restricted_to("Omega", parameters["Omega"], parameters["Omega"], {})
         Omega = np.array([parameters.pop("Omega")])
         evaluator = restricted.compiled(parameters)
         extended = motion.with_driven_harmonics(evaluator, X[None], Omega)
-        mu: ComplexArray = floquet_multipliers(evaluator, extended, Omega, points=points, width=width)[0]
+        mu: ComplexArray = floquet_multipliers(evaluator, extended, Omega, points=points, max_step=max_step)[0]
         return mu
 
     # ---- curves

@@ -31,7 +31,7 @@ def computed_multipliers(segment: Segment, point: CurvePoint) -> ComplexArray:
     """Return the multipliers of a point with the harmonics of the curve; known ones may have been refined."""
     values = segment.parameters_at(point.value)
     problem: Any = segment.problem  # a HarmonicBalance, whose events these are
-    computed: ComplexArray = problem.multipliers(point.X, points=8, width=1.0, **values)
+    computed: ComplexArray = problem.multipliers(point.X, points=8, max_step=1.0, **values)
     return computed
 
 

@@ -327,7 +327,7 @@ class PairModulusProblem(MinimallyAugmentedProblem):
         )  # fmt: skip
 
     def _multipliers(self, X: Array, parameters: dict[str, float]) -> ComplexArray:
-        mu: ComplexArray = self.problem.multipliers(X, points=8, width=1.0, **parameters)
+        mu: ComplexArray = self.problem.multipliers(X, points=8, max_step=1.0, **parameters)
         return mu
 
 

@@ -169,9 +169,9 @@ class ContactInstants(HarmonicBalance):
         return exact_motion_of(ode, iterate, sample_gaps(ode, iterate)[0], 0.0)
 
     def multipliers(
-        self, X: Array, points: int | None = None, width: float | None = None, **parameters: float
+        self, X: Array, points: int | None = None, max_step: float | None = None, **parameters: float
     ) -> ComplexArray:
-        """Return the multipliers of the exact motion near X, largest first; ``points`` and ``width`` have no effect."""
+        """Return the multipliers of the exact motion near X, largest first; ``points`` and ``max_step`` have no effect."""
         return self.exact_motion(X, **parameters).multipliers
 
     def _exact_iterate(self, X: Array, parameters: Mapping[str, float]) -> tuple[EquationsAt, Iterate]:

@@ -131,7 +131,7 @@ def floquet_multipliers(
     Omega: Array,
     *,
     points: int | None = None,
-    width: float | None = None,
+    max_step: float | None = None,
 ) -> ComplexArray:
     """Return the Floquet multipliers of P motions over their periods 2 pi nu / Omega, largest modulus first.
 
@@ -150,13 +150,13 @@ def floquet_multipliers(
         Excitation frequencies.
     points : int, optional
         Number s of Gauss points per step; the scheme has order 2s. The default is 6, or 10 where the period is long
-        compared with the vibration that the springs of the elements would excite. Without ``points`` and ``width``,
+        compared with the vibration that the springs of the elements would excite. Without ``points`` and ``max_step``,
         segments of constant stiffness are propagated exactly where this takes less time.
-    width : float, optional
+    max_step : float, optional
         Longest step, in units of the time in which the stiffest spring of the elements would turn the inertia of the
         structure by one radian. The default is s / 5, or with ten points 3.5 (4.5 with truncated modes). No step is
         longer than a fifth of the excitation period, and the modes that the elements excite turn by at most .085 s^2
-        radians in a step. Without ``points`` and ``width``, steps also resolve the harmonics of the stiffness and the
+        radians in a step. Without ``points`` and ``max_step``, steps also resolve the harmonics of the stiffness and the
         slopes of laws in Python.
 
     Returns
@@ -173,7 +173,7 @@ def floquet_multipliers(
     """
     structure = compiled.structure
     if structure.depends_on_speed:
-        sets = [floquet_multipliers(compiled.at(w), X[i : i + 1], Omega[i : i + 1], points=points, width=width)[0]
+        sets = [floquet_multipliers(compiled.at(w), X[i : i + 1], Omega[i : i + 1], points=points, max_step=max_step)[0]
                 for i, w in enumerate(np.asarray(Omega, dtype=float).tolist())]  # fmt: skip
         mu = np.zeros((len(sets), max(map(len, sets), default=0)), dtype=complex)  # a mode may come to rest at a speed
         for target, values in zip(mu, sets, strict=True):
@@ -182,8 +182,8 @@ def floquet_multipliers(
     check_modes(structure)
     X, Omega = compiled.spread(X), np.asarray(Omega, dtype=float)
     if not is_reduced(compiled):
-        return _multipliers_of_blocks(compiled, compiled.stability_modes(), X, Omega, points, width)
-    return _reduced_multipliers(compiled, X, Omega, 1.0, points, width)
+        return _multipliers_of_blocks(compiled, compiled.stability_modes(), X, Omega, points, max_step)
+    return _reduced_multipliers(compiled, X, Omega, 1.0, points, max_step)
 
 
 def check_modes(structure: LinearStructure) -> None:
@@ -205,7 +205,7 @@ def is_reduced(compiled: Evaluator) -> bool:
 
 
 def _reduced_multipliers(
-    compiled: Evaluator, X: Array, Omega: Array, factor: float, points: int | None = None, width: float | None = None
+    compiled: Evaluator, X: Array, Omega: Array, factor: float, points: int | None = None, max_step: float | None = None
 ) -> ComplexArray:
     """Return `floquet_multipliers` with modes retained up to ``factor`` the usual frequency."""
     reach, largest = _retained_frequency(compiled, X, Omega)
@@ -217,7 +217,7 @@ def _reduced_multipliers(
     for level, lumped in {*zip(levels.tolist(), flexible.tolist(), strict=True)}:
         rows = np.flatnonzero((levels == level) & (flexible == lumped))
         modes = compiled.stability_modes(2.0 ** (level / RETAINED_LEVELS_PER_OCTAVE), lumped)
-        mu[rows] = _multipliers_of_blocks(compiled, modes, X[rows], Omega[rows], points, width, LISTED_MULTIPLIERS)
+        mu[rows] = _multipliers_of_blocks(compiled, modes, X[rows], Omega[rows], points, max_step, LISTED_MULTIPLIERS)
     return mu
 
 
@@ -260,7 +260,7 @@ def _multipliers_of_blocks(
     X: Array,
     Omega: Array,
     points: int | None,
-    width: float | None,
+    max_step: float | None,
     listed: int | None = None,
 ) -> ComplexArray:
     """Return `floquet_multipliers` from the modes of some blocks: all of them, or the ``listed`` largest."""
@@ -274,7 +274,7 @@ def _multipliers_of_blocks(
         if motions.any():
             column = len(idle)
             for block in chosen:
-                matrices = monodromies(compiled, block, modes.mobility, X[motions], Omega[motions], points, width)
+                matrices = monodromies(compiled, block, modes.mobility, X[motions], Omega[motions], points, max_step)
                 mu[motions, column : column + matrices.shape[1]] = _eigenvalues(matrices)
                 column += block.size
     return mu[np.arange(len(mu))[:, None], np.argsort(-np.abs(mu), axis=-1, kind="stable")[:, :listed]]
@@ -324,7 +324,7 @@ def monodromies(
     X: Array,
     Omega: Array,
     points: int | None,
-    width: float | None,
+    max_step: float | None,
 ) -> Array:
     """Return the real monodromy matrices (P, r + Q, r + Q) of the modes of a block and the Q friction sliders.
 
@@ -336,8 +336,8 @@ def monodromies(
     short = points or 6
     long = LONG_PERIOD_RADIANS if points is None else np.inf
     ten_point_step = REDUCED_TEN_POINT_STEP if is_reduced(compiled) else TEN_POINT_STEP
-    schemes = (_scheme(short, width or short / 5.0), _scheme(10, width or ten_point_step), long, _MIDPOINT)
-    resolve = points is None and width is None
+    schemes = (_scheme(short, max_step or short / 5.0), _scheme(10, max_step or ten_point_step), long, _MIDPOINT)
+    resolve = points is None and max_step is None
     if not (compiled.aft_laws or compiled.damped or compiled.normal_pairs):
         packed = compiled.packed_of(X)
         constant = np.bool_(resolve and _has_constant_segments(packed))
@@ -359,9 +359,9 @@ def _has_constant_segments(packed: Any) -> bool:
     return constant and (piecewise is None or not piecewise.stiffness[:, 1:].any())
 
 
-def _scheme(points: int, width: float) -> tuple[Array, Array, float, float]:
+def _scheme(points: int, max_step: float) -> tuple[Array, Array, float, float]:
     """Return a scheme of `monodromy_kernels.monodromies` with Gauss points."""
-    return *gauss_nodes(points), width, MODE_TURN_PER_SQUARED_POINTS * points**2
+    return *gauss_nodes(points), max_step, MODE_TURN_PER_SQUARED_POINTS * points**2
 
 
 _MIDPOINT = np.array([0.5]), np.ones((1, 1))
