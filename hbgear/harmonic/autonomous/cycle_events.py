@@ -84,7 +84,9 @@ class _CycleEvent(BuiltInEvent):
         point, problem = location.point, cast(Any, location.problem)
         parameters = segment.parameters_at(point.value)
         k = int(np.abs(self.functions(problem.multipliers(point.X, **parameters))).argmin())
-        values = [self.functions(problem.multipliers(point.X, 6, max_step, **parameters))[k] for max_step in _SHORT_STEPS]
+        values = [
+            self.functions(problem.multipliers(point.X, 6, max_step, **parameters))[k] for max_step in _SHORT_STEPS
+        ]
         distances = [
             abs((end.value - point.value) / self.functions(end.observed["multipliers"])[k])
             for end in (segment.a, segment.b)

@@ -171,7 +171,7 @@ class ContactInstants(HarmonicBalance):
     def multipliers(
         self, X: Array, points: int | None = None, max_step: float | None = None, **parameters: float
     ) -> ComplexArray:
-        """Return the multipliers of the exact motion near X, largest first; ``points`` and ``max_step`` have no effect."""
+        """Return the multipliers of the exact motion near X, largest first; ``points`` and ``max_step`` are unused."""
         return self.exact_motion(X, **parameters).multipliers
 
     def _exact_iterate(self, X: Array, parameters: Mapping[str, float]) -> tuple[EquationsAt, Iterate]:

@@ -156,7 +156,7 @@ def floquet_multipliers(
         Longest step, in units of the time in which the stiffest spring of the elements would turn the inertia of the
         structure by one radian. The default is s / 5, or with ten points 3.5 (4.5 with truncated modes). No step is
         longer than a fifth of the excitation period, and the modes that the elements excite turn by at most .085 s^2
-        radians in a step. Without ``points`` and ``max_step``, steps also resolve the harmonics of the stiffness and the
+        radians in a step. Without ``points`` and ``max_step``, steps also resolve the stiffness harmonics and the
         slopes of laws in Python.
 
     Returns
