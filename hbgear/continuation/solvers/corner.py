@@ -116,9 +116,11 @@ def _point_beyond(
     n = _largest_change(equations, u, u + delta * tangent, scale)
     for direction in (tangent, n, -n):
         with suppress(*SOLVER_ERRORS):
-            candidate = _from_probe(equations, u, u + delta * direction, n, scale)
+            candidate = _nearer(
+                equations, u, _from_probe(equations, u, u + delta * direction, n, scale), scale, limits[1]
+            )
             oriented = candidate.direction * (candidate.orientation * orientation or 1)
-            chord = np.append(candidate.solution.X, candidate.solution.value) - u
+            chord = candidate.u - u
             length, size = norm(chord / scale), norm(oriented / scale)
             cosine = float((chord / scale) @ (oriented / scale)) / (length * size)
             if limits[0] <= length <= limits[1] and cosine >= math.cos(math.radians(limits[2])):
@@ -145,6 +147,21 @@ def _from_probe(equations: _Equations, u: Array, probe: Array, n: Array, scale: 
     step = solve_signed(bordered(probed.dR_dX, probed.dR_dp, normal), np.append(probed.R, 0.0)[:, None])[0][:, 0]
     arclength_normal(probe - step - u, scale, normal)
     return _corrected(equations, probe - step, normal)
+
+
+def _nearer(equations: _Equations, u: Array, point: CorrectedPoint, scale: Array, longest: float) -> CorrectedPoint:
+    """Return the point of the curve at most the longest step away: half the way from the last point, repeatedly.
+
+    Where the coefficient b of the root is small, one Newton step from a probe leads far along the curve.
+    """
+    from hbgear.continuation.stepping.kernels import arclength_normal
+
+    normal, length = np.empty(len(u)), norm((point.u - u) / scale)
+    for _ in range(math.ceil(math.log2(max(length / longest, 1.0)))):
+        chord = point.u - u
+        arclength_normal(chord, scale, normal)
+        point = _corrected(equations, u + 0.5 * chord, normal)
+    return point
 
 
 def _corrected(equations: _Equations, predicted: Array, normal: Array) -> CorrectedPoint:

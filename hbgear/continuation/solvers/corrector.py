@@ -40,6 +40,11 @@ class CorrectedPoint(NamedTuple):
     direction: Array
     orientation: int
 
+    @property
+    def u(self) -> Array:
+        """Unknowns and value of the parameter, shape (n + 1,)."""
+        return np.append(self.solution.X, self.solution.value)
+
 
 def correct(
     problem: Any, u: Array, normal: Array, name: str, parameters: Mapping[str, float],

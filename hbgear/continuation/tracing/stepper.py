@@ -274,7 +274,7 @@ class Stepper:
         try:
             point = correct(self.problem, predicted, normal, self.name, self.fixed, self.settings, POLISH_ABOVE)
             solution, direction = point.solution, np.array(point.direction)
-            u_new = np.append(solution.X, solution.value)
+            u_new = point.u
             status, turn, deviation = accept_step(u_new, direction, predicted, u[0], t[0], scale, step, limits)
         except SEARCH_ERRORS as error:  # ValueError of a model
             return _Attempt(NOT_CONVERGED, np.empty(0), 0.0, step, str(error))
