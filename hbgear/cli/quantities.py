@@ -1,6 +1,7 @@
 """Values on the command line with their units: parameters in the unit of their label, frequencies in r/min or Hz.
 
 --set backlash=90um    the label of backlash ends in [um]: 90
+--peak 20um            an amplitude, in the unit of lengths of the model
 --from 9000r/min       Omega = 9000 / pinion_speed(1);    2500Hz is a mesh frequency
 """
 
@@ -8,14 +9,16 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 import hbgear as hb
+from hbgear.analysis.quantities.length_units import dimension_of
+from hbgear.common.text.digits import short
 from hbgear.common.text.messages import did_you_mean
 from hbgear.common.text.symbols import unit_of
 from hbgear.common.units import known_unit, to_si
-from hbgear.harmonic.models.frequency_units import Omega_of
+from hbgear.harmonic.models.frequency_units import Omega_of, length_scale
 
 SPEED = "speed"
 """Other name of Omega on the command line, for values in r/min or Hz."""
@@ -88,6 +91,56 @@ def value_in_model(model: hb.mechanics.Model, option: str, name: str, text: str)
     if name in ("Omega", SPEED):
         return Omega_of(model, f"{option} {name}", text)
     return parameter_value(model.labels, option, name, text)
+
+
+def amplitude_in_model(
+    model: hb.mechanics.Model, option: str, measure: str, text: str, changed: Collection[str] = ()
+) -> float:
+    """Return an amplitude in the unit of a model, from a quantity with its unit if the model has a unit of length.
+
+    Parameters
+    ----------
+    model : Model
+        Model.
+    option : str
+        Option, for messages.
+    measure : str
+        Measure of the amplitude.
+    text : str
+        Number, or quantity such as "20um".
+    changed : collection of str, optional
+        Parameters that will change. The unit of length must not depend on them.
+
+    Returns
+    -------
+    float
+        Amplitude.
+
+    Raises
+    ------
+    ValueError
+        If the text has no unit although the model has one, or the other way round, or if the unit will change.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> round(amplitude_in_model(hb.gears.DoubleHelicalPair(b_c=4e-5), "--peak", "pp2", "20um"), 12)
+    0.5
+    """
+    length, dimension = length_scale(model, {}), dimension_of(measure)
+    if length is None or not dimension:
+        return number_of(option, text)
+    example = "20um" if dimension == 1 else f"20um^{dimension}"
+    if is_number(text):
+        raise ValueError(f"{option} {text}: need a quantity with its unit, such as {option} {example}; the unit of "
+                         f"lengths of the model is {short(1e6 * length, 6)} um")  # fmt: skip
+    values = model.parameters | model.entries
+    for name in changed:
+        if length_scale(model, {name: 1.01 * values[name]}) != length:
+            raise ValueError(f"{option} {text}: the unit of lengths of the model changes with {name}, so that a limit "
+                             f"in it is not fixed; keep {name}")  # fmt: skip
+    unit = "m" if dimension == 1 else f"m^{dimension}"
+    return to_si(option, measure, text, unit) / length**dimension
 
 
 def named(name: str) -> str:

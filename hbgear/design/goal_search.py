@@ -236,6 +236,7 @@ class Search:
         self.message = ""
         self.slack = Slack(np.full((1, 1), math.nan), np.zeros((1, 1, len(names))), np.zeros(1))
         self.cusps: list[Cusp] = []
+        self.stopped: Branch | None = None
 
     def values(self, u: Array, deviations: Mapping[str, float] | None = None) -> dict[str, float]:
         """Return the values of the parameters at relative changes, with added deviations."""

@@ -69,7 +69,7 @@ class Redesign:
         True if a trace verifies the goal.
     short : float
         Relative shortfall; 0 if the goal is reached. For a jump it is the missing change of the parameter, nan if no
-        change removes the jump.
+        change removes the jump. It is also nan if a trace that verifies the goal stopped early.
     share : float
         Share of the tolerance sample that reaches the goal in a trace; nan without a sample.
     curve : Branch
@@ -77,7 +77,7 @@ class Redesign:
     steps : int
         Number of computations of cusps or peaks.
     status, message : Status and str
-        Reason for the end of the search.
+        Reason for the end of the search, or of a trace that verifies the goal and stopped early.
 
     Examples
     --------
@@ -260,16 +260,19 @@ def _spread(
 
 def _result(search: Search, u: Array, ending: Termination, known_curve: Branch | None) -> Redesign:
     """Return the result, verified by a trace unless the curve of the design, without jumps, is known."""
-    spread = search.spread
+    spread, search.stopped = search.spread, None
     curve, missed = _traced_shortfall(search, u, {}) if known_curve is None else (known_curve, 0.0)
     shortfalls = [_traced_shortfall(search, u, deviations)[1] for deviations in spread.sample]
     share = float(np.mean([miss == 0 for miss in shortfalls])) if shortfalls else math.nan
     sample_fails = bool(shortfalls) and share < spread.share - 1e-9
     short = missed
-    if sample_fails:
-        short = max(missed, sorted(shortfalls)[math.ceil(spread.share * len(shortfalls) - 1e-9) - 1])
-    reached = curve.status.complete and not missed and not sample_fails
-    if not reached and ending.error is None:
+    if sample_fails:  # nan, of traces that stopped early, is the largest
+        worst = np.sort(shortfalls)[math.ceil(spread.share * len(shortfalls) - 1e-9) - 1]
+        short = float(np.maximum(missed, worst))
+    reached = not missed and not sample_fails
+    if math.isnan(short) and search.stopped is not None:
+        ending.merge(search.stopped, "a trace that verifies the goal")
+    elif not reached and ending.error is None:
         extent = f" in {1 - share:.0%} of the sample" if sample_fails and not missed else ""
         text = f"{search.message}; the goal is not reached: {_shortfall_text(search, short)}{extent}"
         if math.isnan(short):
@@ -292,7 +295,8 @@ def _shortfall_text(search: Search, short: float) -> str:
 def _traced_shortfall(search: Search, u: Array, deviations: Mapping[str, float]) -> tuple[Branch, float]:
     """Trace the curve with deviations of parameters; return it and the shortfall, 0 if the goal is reached.
 
-    For a goal with a margin, the curve at this distance toward the cusps must not have jumps either.
+    For a goal with a margin, the curve at this distance toward the cusps must not have jumps either. The shortfall is
+    nan if the traced parts of curves reach the goal and a trace stopped early, `Search.stopped`.
     """
     goal = search.goal
     with warnings.catch_warnings():
@@ -304,14 +308,26 @@ def _traced_shortfall(search: Search, u: Array, deviations: Mapping[str, float])
                 return curve, math.inf
             tops: list[Branch | Point] = [*curves, *highest_points(curves, goal, search.span)]
             top = max(float(np.max(part.amplitude(goal.measure, goal.element))) for part in tops)
-            return curve, max(0.0, top / goal.limit - 1.0)
-        jumps = _jumps(curve)
+            missed = max(0.0, top / goal.limit - 1.0)
+            return curve, missed if missed or _complete(search, curve) else math.nan
+        traced = [curve]
         for name, side in {(cusp.name, cusp.side) for cusp in search.cusps} if goal.margin else ():
+            if _jumps(traced[-1]):
+                break
             unit = side * abs(search.start[name])
             toward_cusp = {**deviations, name: deviations.get(name, 0.0) - goal.margin * unit}
-            jumps = jumps or _jumps(trace(search.balance(u, toward_cusp), "Omega", search.span))
+            traced.append(trace(search.balance(u, toward_cusp), "Omega", search.span))
+    if not any(map(_jumps, traced)):
+        return curve, 0.0 if _complete(search, *traced) else math.nan
     shortfall = search.slack.shortfall  # nan if there is no value at which they vanish
-    return curve, (shortfall if math.isnan(shortfall) else max(GOAL_MARGIN, shortfall)) if jumps else 0.0
+    return curve, shortfall if math.isnan(shortfall) else max(GOAL_MARGIN, shortfall)
+
+
+def _complete(search: Search, *traced: Branch) -> bool:
+    """Return whether curves and the other curves of their span are complete; the search keeps one that is not."""
+    stopped = [part for curve in traced for part in curve.curves if not part.status.complete]
+    search.stopped = search.stopped or next(iter(stopped), None)
+    return not stopped
 
 
 def _jumps(curve: Branch) -> bool:

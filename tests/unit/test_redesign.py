@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import hbgear as hb
+from hbgear.design import least_change
 from hbgear.design.goal_search import Cusp, Search, Slack, Spread, smallest_change
 from hbgear.design.least_change import _traced_shortfall
 
@@ -84,6 +85,30 @@ def test_peaks_of_motions_without_bound():
     search = Search(hb.HarmonicBalance(model, 8), hb.design.peak_below(50.0), ("zeta",), np.array([0.01]), (1.5, 0.3),
                     Spread({}, 2.0, (), 1.0), None)  # fmt: skip
     assert math.isinf(_traced_shortfall(search, np.zeros(1), {})[1])
+
+
+@pytest.mark.parametrize("goal", [hb.design.no_jumps(), hb.design.peak_below(3.0)])
+def test_a_verification_that_stops_early(goal, monkeypatch):
+    """The jump and the peak of the oscillator are above 1.1: curves of 10 points from 0.8 do not reach them, and the
+    goal counts as missed with an unknown shortfall, for the design as well as for a machine of a sample."""
+    whole = least_change.trace
+
+    def shortened(problem, *args, **options):
+        steps = hb.StepControl(max_points=10 if abs(problem.model.zeta - zeta) < 1e-9 else 10000)
+        return whole(problem, *args, **options, steps=steps)
+
+    monkeypatch.setattr(least_change, "trace", shortened)
+    problem, zeta = hb.HarmonicBalance(hb.Duffing(), 1), 0.05
+    search = Search(problem, goal, ("zeta",), np.array([0.05]), (0.8, 1.6), Spread({}, 2.0, (), 1.0), None)
+    curve, missed = _traced_shortfall(search, np.zeros(1), {})
+    assert math.isnan(missed) and search.stopped is curve and curve.status is hb.Status.MAX_POINTS
+    damped, sample = hb.Duffing(zeta=0.2), hb.design.grid(zeta=(0.05, -0.05))
+    for zeta, share in ((0.2, 1.0), (0.15, 0.5), (0.3, 1.0)):  # the design, a machine of the sample, none of them
+        found = hb.design.redesign(damped, goal, ["zeta"], tolerances=sample, harmonics=1, span=(0.8, 1.6))
+        stopped = zeta < 0.3
+        assert found.reached is not stopped and found.share == share
+        assert math.isnan(found.short) is stopped and found.status.complete is not stopped
+        assert ("a trace that verifies the goal ended early" in found.message) is stopped
 
 
 @pytest.mark.slow
@@ -344,9 +369,9 @@ def test_invalid_redesigns_are_refused():
 @pytest.mark.parametrize(
     ("words", "code", "said"),
     [
-        ("--free zeta=0.04:0.052 --peak 0.5", 1, "the goal is missed by"),
+        ("--free zeta=0.04:0.052 --peak 0.5", 1, "the goal, pp2 at most 0.5, is missed by"),
         ("--free zeta,F --scatter zeta=0.002 --draws 4", 0, "100% of 4 machines drawn from the scatter reach the goal"),
-        ("--free F --margin 0.1 --margin-in zeta", 0, "the goal is reached"),
+        ("--free F --margin 0.1 --margin-in zeta", 0, "the goal, no jumps, is reached"),
         ("--free F --draws 4", 2, "--draws needs the scatter"),
         ("--free F --margin 0.1 --peak 1", 2, "give --margin or --peak"),
         ("--free zeta=0.04", 2, "need NAME or NAME=LOW:HIGH"),
@@ -358,9 +383,37 @@ def test_command(run, words, code, said):
 
 
 @pytest.mark.slow
+def test_command_with_the_limit_of_a_machine(run):
+    """The highest peak of the new curve in half backlashes of 25 um is the limit in um."""
+    words = "--free zeta --harmonics 3 --from 1.6 --to 0.6"
+    model = hb.gears.DoubleHelicalPair()
+    before = hb.trace(hb.HarmonicBalance(model, 3), "Omega", (1.6, 0.6)).amplitude("pp2").max() * model.b_c * 1e6
+    limit = f"{0.9 * before:.4g}um"
+    code, out, err = run(f"redesign double-helical {words} --peak {limit} -o new.npz")
+    assert (code, err) == (0, "") and f"the goal, pp2 at most {limit}, is reached" in out
+    top = hb.analysis.peaks(hb.load("new.npz", hb.HarmonicBalance(model, 3)), "pp2", share=0.9)[0]
+    assert top.amplitude("pp2") * model.b_c * 1e6 == pytest.approx(0.9 * before, rel=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("double-helical --free zeta --peak 20", "need a quantity with its unit, such as --peak 20um"),
+        ("double-helical --free zeta,b_c --peak 20um", "changes with b_c"),
+        ("double-helical --free zeta --scatter b_c=1 --peak 20um", "changes with b_c"),
+        ("double-helical --free zeta --peak 20N", "must be a quantity in m"),
+        ("duffing --free zeta --peak 20um", "need a finite number"),
+    ],
+)
+def test_command_with_a_limit_of_the_wrong_unit(run, words, said):
+    code, _, err = run(f"redesign {words}")
+    assert code == 2 and said in err
+
+
+@pytest.mark.slow
 def test_command_saves_the_new_curve(run):
     code, out, _ = run("redesign duffing --harmonics 1 --free zeta,F -o new.npz")
-    assert code == 0 and "the goal is reached" in out
+    assert code == 0 and "the goal, no jumps, is reached" in out
     assert not hb.load("new.npz").jumps()
 
 

@@ -15,7 +15,7 @@ from hbgear.cli import options
 from hbgear.cli.commands.shares import SHARE_ROUNDING, MaxRows, Saved, show_shares
 from hbgear.cli.output import bar, finish, print_table, print_text
 from hbgear.cli.output_files import outputs
-from hbgear.cli.quantities import check_parameter, parameter_value, value_in_model
+from hbgear.cli.quantities import amplitude_in_model, check_parameter, parameter_value, value_in_model
 from hbgear.cli.support import (
     assignments,
     chosen_model,
@@ -206,7 +206,11 @@ def redesign(
         typer.Option("--free", metavar="NAME,...", help="Parameters that may change: zeta,e_scale or zeta=0.04:0.1."),
     ],
     peak: Annotated[
-        float | None, typer.Option("--peak", help="Limit of the highest peak; default: remove all jumps.")
+        str | None,
+        typer.Option(
+            metavar="LIMIT",
+            help="Limit of the highest peak, with its unit for a machine, such as 20um; default: remove all jumps.",
+        ),
     ] = None,
     changes: options.Changes = None,
     scatter: Annotated[
@@ -239,15 +243,18 @@ def redesign(
     problem = problem_of(chosen_model(model, changes), harmonics)
     if peak is not None and margin is not None:
         raise ValueError("--margin is the distance from a jump; give --margin or --peak, not both")
-    goal = (
-        hb.design.no_jumps(margin or 0.0, margin_in) if peak is None else hb.design.peak_below(peak, measure, element)
-    )
     ranges = dict(_bounds(problem.model, text) for text in free.split(",") if text.strip())
     within = {name: bounds for name, bounds in ranges.items() if bounds is not None}
     spread = {
         name: value_in_model(problem.model, "--scatter", name, text)
         for name, text in assignments("--scatter", scatter or [])
     }
+    if peak is None:
+        goal = hb.design.no_jumps(margin or 0.0, margin_in)
+    else:
+        problem.layout.check_measure(measure, element)
+        limit = amplitude_in_model(problem.model, "--peak", measure, peak, {*ranges, *spread})
+        goal = hb.design.peak_below(limit, measure, element)
     span = span_of(problem.model, first, last)
     if draws and not spread:
         raise ValueError("--draws needs the scatter; give --scatter NAME=DEVIATION too")
@@ -269,8 +276,9 @@ def redesign(
         print_table(["", "old", "new", "change"], rows, f"root sum of squares of the changes: {result.distance:.2%}")
         if draws:
             print(f"{result.share:.0%} of {draws} machines drawn from the scatter reach the goal")
+        text = "no jumps" if peak is None else f"{measure} at most {peak}"
         distance = "" if math.isnan(result.short) else f" by {result.short:.2%}"
-        print("the goal is reached" if result.reached else f"the goal is missed{distance}: {result.message}")
+        print(f"the goal, {text}, is " + ("reached" if result.reached else f"missed{distance}: {result.message}"))
     if not result.status.complete:
         finish(result)
     raise typer.Exit(0 if result.reached else GOAL_MISSED)
