@@ -64,6 +64,37 @@ def test_command_prints_the_largest_force_of_a_wheel_that_drives(tmp_path):
     assert float(shown) == pytest.approx(-largest, rel=1e-3)
 
 
+def test_command_prints_the_largest_values_between_the_points_of_a_curve(tmp_path):
+    """Without loss of contact the transmission error is e times the transmissibility of an oscillator, and the dynamic
+    factor is 1 + e R / F_m with R = Omega^2 / |1 - Omega^2 + 2 i zeta Omega|."""
+    zeta = 0.05
+    pair = hb.SpurPair(zeta=zeta, F_m=0.9, reference=(38000.0, 37.6e-6, 15000.0, 25))
+    hb.trace(hb.HarmonicBalance(pair, 3), "Omega", (1.4, 0.6)).save(tmp_path / "pair.npz")
+    out = CliRunner().invoke(cli.app, ["results", str(tmp_path / "pair.npz")]).output
+    Omega = np.sqrt([(np.sqrt(1 + 8 * zeta**2) - 1) / (4 * zeta**2), 1 / (1 - 2 * zeta**2)])
+    r = np.abs(1 - Omega**2 + 2j * zeta * Omega)
+    sizes = 37.6 * 0.05 * np.sqrt(1 + (2 * zeta * Omega[0]) ** 2) / r[0], 1 + 0.05 / 0.9 * Omega[1] ** 2 / r[1]
+    for name, size, speed in zip(("dte, half peak-to-peak", "dynamic factor"), sizes, Omega, strict=True):
+        ((shown, at),) = re.findall(rf"{name} \[.*\] +(\S+) +(\S+)", out)
+        assert float(shown) == pytest.approx(size, rel=3e-4)
+        assert float(at) == pytest.approx(pair.scales.pinion_speed(speed), rel=1e-5)
+
+
+def test_command_prints_the_largest_value_at_a_fold(tmp_path):
+    """The stable points of a coarse curve are 0.5 % below the fold at which the stable motions end."""
+    problem = hb.HarmonicBalance(hb.SpurPair(zeta=0.01), 8)
+    curve = hb.trace(problem, "Omega", (1.6, 0.3), steps=hb.StepControl(max_step=1, max_turn_deg=60))
+    curve.save(tmp_path / "pair.npz")
+    fold = hb.trace(problem, "Omega", (1.6, 0.3))["LP1"]
+    largest = hb.analysis.machine_quantities(fold)["dte, half peak-to-peak"][0]
+    errors = hb.analysis.machine_quantities(curve)["dte, half peak-to-peak"]
+    assert errors[np.array(curve.stable, bool)].max() < 0.996 * largest
+    out = CliRunner().invoke(cli.app, ["results", str(tmp_path / "pair.npz")]).output
+    ((shown, at),) = re.findall(r"dte, half peak-to-peak \[-\] +(\S+) +(\S+)", out)
+    assert float(shown) == pytest.approx(largest, rel=3e-4)
+    assert float(at.partition("(")[0]) == pytest.approx(fold.parameters["Omega"], rel=1e-3)
+
+
 def test_command_prints_no_factor(curve, tmp_path):
     path = tmp_path / "rotor.npz"
     curve.save(path)

@@ -33,6 +33,7 @@ from hbgear.cli.machine_report.assumptions import (
     show_assumptions,
     with_default_span,
 )
+from hbgear.cli.machine_report.peaks import refined_peak, stable_or_limit
 from hbgear.cli.machine_report.speed_ranges import clipped
 from hbgear.cli.machine_report.speeds import recommendation, show_speeds
 from hbgear.cli.machine_report.subharmonics import Subharmonic, show_subharmonics, subharmonics
@@ -224,7 +225,7 @@ def results(
         together = dataclasses.replace(curves[0], others=tuple(curves[1:]))
         out.figure(plot, lambda drawing: drawing.response(together, quantity, element, dof=axis))
         print_table(["quantity", "largest of stable motions", f"at {position_headers(branch)[0]}"],
-                    list(_largest(curves, quantities)))  # fmt: skip
+                    list(_largest(curves, quantities, element, axis)))  # fmt: skip
         rows = []
         for number, landed in enumerate(landings(curves), 1):
             for jump in (landing.jump for landing in landed):
@@ -253,13 +254,16 @@ def _joined_quantities(by_curve: Sequence[MachineQuantities]) -> MachineQuantiti
     )
 
 
-def _largest(curves: Sequence[hb.Branch], quantities: MachineQuantities) -> Iterator[list[str]]:
-    """Yield each quantity with its largest value on all curves and the frequency at which it occurs."""
+def _largest(
+    curves: Sequence[hb.Branch], quantities: MachineQuantities, element: int | str, dof: int | str | None
+) -> Iterator[list[str]]:
+    """Yield each quantity with its largest value on all curves, between points too, and where it occurs."""
     first, columns = curves[0], quantities.columns
-    stable = columns.get("stable", np.ones(sum(map(len, curves)))).astype(bool)
+    stable = np.concatenate([stable_or_limit(curve) for curve in curves])
     if not stable.any():
         stable = np.ones_like(stable)
-    rows = [(curve, i) for curve in curves for i in range(len(curve))]
+    rows = [(number, i) for number, curve in enumerate(curves) for i in range(len(curve))]
+    starts = np.cumsum([0, *map(len, curves)])
     asymptotes = [
         value for curve in curves for i, value in curve.unbounded_ends if curve.stable is None or curve.stable[i]
     ]  # fmt: skip
@@ -273,8 +277,15 @@ def _largest(curves: Sequence[hb.Branch], quantities: MachineQuantities) -> Iter
         else:
             sizes = np.abs(values) if name.startswith("force") else values  # negative if the wheel drives
             k = int(np.nanargmax(np.where(stable, sizes, -np.inf)))
-            curve, i = rows[k]
-            yield [name, rounded(float(values[k]), 4), position_texts(curve, curve[i])[0]]
+            number, i = rows[k]
+            sign = np.sign(values[k]) if sizes is not values else 1.0
+
+            def size_of(point: hb.Point, name: str = name, sign: float = sign) -> float:
+                return sign * float(hb.analysis.machine_quantities(point, element, dof).columns[name][0])
+
+            curve, size = curves[number], sizes[starts[number] : starts[number + 1]]
+            point, largest = refined_peak(curve, size, i, size_of)
+            yield [name, rounded(sign * largest, 4), position_texts(curve, point)[0]]
 
 
 # ---- output of hbgear gear

@@ -7,7 +7,6 @@ critical speed n = 60 f / order of a natural frequency f, for the orders of the 
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -19,6 +18,7 @@ import hbgear as hb
 from hbgear.analysis.jump_landings import landings
 from hbgear.analysis.quantities.axis_quantities import Ordinate
 from hbgear.analysis.summary import digits_of, leaving_lines, text_at
+from hbgear.cli.machine_report.peaks import refined_peak, stable_or_limit
 from hbgear.cli.machine_report.speed_ranges import (
     Ranges,
     clipped,
@@ -40,10 +40,6 @@ from hbgear.common.text.digits import rounded
 
 MIN_PROMINENCE = 1.15
 """Peak over the larger of the minima on both sides, above which it is a resonance."""
-
-
-PARABOLAS = 3
-"""Largest number of parabolas that locate a peak between points of a curve."""
 
 
 SAME_PEAK = 0.01
@@ -103,44 +99,17 @@ def _mesh_resonances(model: hb.mechanics.Model, branch: hb.Branch, mesh: int | s
     """Yield the resonances of a mesh along a branch."""
     scales = scales_of(model)
     size = Ordinate("dte", mesh).along(branch)
-    stable = np.ones(len(branch), bool) if branch.stable is None else np.asarray(branch.stable, bool)
+    stable = stable_or_limit(branch)
     jumps = [jump.value for jump in branch.jumps()]
     for i in _peaks(size, stable):
         ends = any(abs(branch.values[i] - value) < SAME_PEAK * value for value in jumps)
         if i in (0, len(branch) - 1) and not ends:
             continue  # the range ends there, not the resonance
-        point, largest = _refined_peak(branch, size, i, mesh)
+        point, largest = refined_peak(branch, size, i, lambda motion: Ordinate("dte", mesh).at(motion, branch))
         quantities = hb.analysis.machine_quantities(point, mesh)
         speed = float(scales.pinion_speed(point.parameters["Omega"]))
         yield Resonance(mesh, point, speed, largest, float(quantities["dynamic factor"][0]),
                         abs(float(quantities["force, largest"][0])), ends)  # fmt: skip
-
-
-def _refined_peak(branch: hb.Branch, size: Array, i: int, mesh: int | str) -> tuple[hb.Point, float]:
-    """Return the motion of the largest size near point i of a branch and this size, by successive parabolas.
-
-    The point is returned if it is an end of the branch, or if Omega turns back next to it.
-    """
-    best, largest = branch[i], float(size[i])
-    x, y = branch.values[max(i - 1, 0) : i + 2].copy(), size[max(i - 1, 0) : i + 2].copy()
-    if len(x) < 3 or (x[1] - x[0]) * (x[2] - x[1]) <= 0:
-        return best, largest
-    for _ in range(PARABOLAS):
-        curvature, slope, _ = np.polyfit(x - x[1], y, 2)
-        top = float(x[1] - slope / (2 * curvature)) if curvature < 0 else math.inf
-        if not min(x[0], x[2]) < top < max(x[0], x[2]) or top == x[1]:
-            break
-        points = [p for p in branch.at(top) if p.stable is not False and p.X.shape == best.X.shape]
-        if not points:
-            break
-        point = points[int(np.argmin([float(np.linalg.norm(p.X - best.X)) for p in points]))]
-        height = Ordinate("dte", mesh).at(point, branch)
-        if height < largest:
-            break
-        k = 1 if (top - x[1]) * (x[2] - x[1]) > 0 else 0  # the new point is between x[k] and x[k + 1]
-        x, y = np.insert(x, k + 1, top)[k : k + 3], np.insert(y, k + 1, height)[k : k + 3]
-        best, largest = point, height
-    return best, largest
 
 
 def _peaks(size: Array, stable: Array) -> list[int]:
