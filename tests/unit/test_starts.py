@@ -155,6 +155,24 @@ def test_motion_that_touches_the_edge_of_its_gap_within_the_tolerance_is_arbitra
 
 
 @pytest.mark.slow
+def test_rattle_without_torque_jumps_in_both_directions_of_the_trace():
+    """The motion with contact exists above the first contact, which a motion without contact reaches from above: a
+    sweep in time jumps from it at the same frequency."""
+    model = hb.SpurPair(F_m=0.0, e=(), fluctuation=hb.mechanics.Series(cosine=(0.5,)))
+    for span in ((1.2, 0.5), (0.5, 1.2)):
+        curve = hb.trace(hb.HarmonicBalance(model, 12), "Omega", span)
+        assert curve.status is hb.Status.ARBITRARY and len(curve.curves) == 2
+        assert {each.status for each in curve.curves} == {hb.Status.ARBITRARY}
+        up, down = (jump.value for each in curve.curves for jump in each.jumps())
+        assert up == pytest.approx(0.89044, abs=2e-5) and down == pytest.approx(0.69569, abs=2e-5)
+        values = [0.8, up - 1e-3, up + 1e-3]
+        sweep = hb.time.sweep(model, [0.6, 0.7, *values], "up")
+        motions = [[float(p.amplitude("pp2")) for p in curve.at(x) if p.stable] for x in values]
+        assert [len(each) for each in motions] == [2, 2, 1]
+        np.testing.assert_allclose(sweep.pp2[2:, 0], [max(each) for each in motions], rtol=1e-3)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("span", [(3.0, 0.05), (0.05, 3.0)])
 def test_without_torque_the_span_is_covered(span):
     """Above first contact the motion is determined, below it is not: the amplitude reaches the half gap in between."""

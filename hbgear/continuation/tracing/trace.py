@@ -247,12 +247,25 @@ def _trace_chosen_solution(
     if not curve.status.complete:
         return replace(curve, message=text)
     others: tuple[Branch, ...] = ()
-    if curve.status is Status.EVENT and cover:
+    if curve.status is Status.EVENT and cover:  # the other curve may pass this end and return to it
         with suppress(NoConvergence):
-            others = (follow(problem, span=(span[1], float(curve.values[-1])), start=None).run(),)
+            other = follow(problem, span=span[::-1], start=None).run()
+            if other.status is Status.STEP_TOO_SMALL and _is_same_end(other, curve, span):
+                other = replace(other, status=Status.ARBITRARY, message=_ends_at_continuum(text))
+            others = (other,)
     uncovered = coverage_message(curve, others, span) if cover else ""
     message = "; ".join(filter(None, (text, uncovered)))
     return replace(curve, status=Status.ARBITRARY, message=message, others=others)
+
+
+def _is_same_end(branch: Branch, other: Branch, span: tuple[float, float]) -> bool:
+    """Return whether two branches end at the same value of the parameter."""
+    return bool(abs(branch.values[-1] - other.values[-1]) <= SAME_END_RATIO * abs(span[1] - span[0]))
+
+
+def _ends_at_continuum(text: str) -> str:
+    """Return the message of a curve that ends at a continuum, from the message of the solution chosen of it."""
+    return f"{text}; this curve ends there"
 
 
 class Tracer:
@@ -385,11 +398,9 @@ class Tracer:
         inside = not self.state.ended_at_sharp_turn
         cover_span(self._branch, self.others, ends, search, inside=inside)
         self._coverage_message = coverage_message(self._branch, self.others, ends, inside=inside)
-        distance = SAME_END_RATIO * span.width
         for branch in self.others if termination.status is Status.STEP_TOO_SMALL else ():
-            same_end = abs(branch.values[-1] - self.state.last.value) <= distance
-            if branch.status is Status.ARBITRARY and same_end:
-                termination.record_end(Status.ARBITRARY, f"{branch.message}; this curve ends there")
+            if branch.status is Status.ARBITRARY and _is_same_end(self._branch, branch, ends):
+                termination.record_end(Status.ARBITRARY, _ends_at_continuum(branch.message))
 
     def _trace_other_branch(self, span: tuple[float, float], start: BranchStart | None, rough: bool) -> Branch:
         """Trace another branch of the span, its points alone if ``rough``; Ctrl-C ends this trace too."""
