@@ -416,3 +416,13 @@ def test_a_curve_of_folds_reaches_both_ends_of_a_span_around_its_point(span):
     for i in (0, -1):
         curve = trace(problem, "Omega", (1.0, 0.6), at={"zeta": float(found.values[i])}, stability=False)
         assert found.tracked["Omega"][i] == pytest.approx(curve["LP1"].parameters["Omega"], abs=1e-8)
+
+
+def test_problem_of_a_special_point_has_its_resolution():
+    """A fold refined with more harmonics can be given to the methods of its problem, also after loading."""
+    curve = trace(HarmonicBalance(SpurPair(zeta=0.02, F_m=0.05, e=(0.08,)), 7), "Omega", (0.7, 0.3))
+    for point in (*curve.special, *(jump.before for jump in curve.jumps())):
+        motion = point.problem.at_resolution_of(point)
+        assert motion is point.problem and len(point.X) == 2 * point.problem.H + 1
+        assert np.abs(point.problem.residual(point.X, **point.parameters)).max() < 1e-9
+    assert {point.problem.H for point in curve.special} == {7, 14}

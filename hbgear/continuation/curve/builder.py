@@ -116,7 +116,7 @@ def build_branch(
             fields = point_fields(problem, name, fixed, points[mark.index]) | {
                 "multipliers": None if mu is None else mu[mark.index], "regime": regime[mark.index]
             }  # fmt: skip
-        fields["problem"] = problem.original
+        fields["problem"] = None  # the branch sets it, at the resolution of the point
         special.append(build_special_point(event, fields, f"{kind}{count[kind]}", mark.index, mark.interval))
     return Branch(
         parameter=name,

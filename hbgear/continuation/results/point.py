@@ -311,10 +311,8 @@ class Point:
                 f"dof={dof!r} needs the problem of {self.label or 'the point'}, which is unknown; use the amplitude of "
                 "the branch, which rebuilds it if it can"
             )
-        else:  # a special point may have more unknowns than the points of its branch
-            resized = getattr(self.problem, "at_resolution_of", None)
-            problem = self.problem if resized is None else resized(self)
-            rows = rows_of_dof(problem, dof, self.X[None], [self.parameters])
+        else:
+            rows = rows_of_dof(self.problem, dof, self.X[None], [self.parameters])
         return float(measured(layout, measure, rows, [self.parameters], derivative)[0])
 
     @checked_arguments()
@@ -473,7 +471,7 @@ _AnyPoint = TypeVar("_AnyPoint", bound=Point)
 
 
 def with_problem(point: _AnyPoint, problem: Any) -> _AnyPoint:
-    """Return a point that refers to its problem.
+    """Return a point that refers to its problem, at its resolution: a special point may have more unknowns.
 
     Parameters
     ----------
@@ -487,7 +485,10 @@ def with_problem(point: _AnyPoint, problem: Any) -> _AnyPoint:
     Point
         The same point, or a copy with the problem.
     """
-    return point if point.problem is not None else dataclasses.replace(point, problem=problem)
+    if point.problem is not None:
+        return point
+    resized = getattr(problem, "at_resolution_of", None)
+    return dataclasses.replace(point, problem=problem if resized is None else resized(point))
 
 
 def jump_with_problem(jump: Jump, problem: Any) -> Jump:
