@@ -206,7 +206,8 @@ def torus(
     element : int or str, optional
         Element by number or name; default 0.
     ax : Axes, optional
-        Axes to draw on, such as those of `response`; new ones by default.
+        Axes to draw on, such as those of `response` with the same measure, which for a machine is "dte" by default; new
+        ones by default. The "pp2" of a torus is that of the gaps, without the prescribed error.
     label : str, optional
         Text of the legend; default "quasi-periodic". No legend if it is empty.
     dimensionless : bool, optional

@@ -103,6 +103,31 @@ def test_figures_of_runs(curve):
     assert len(arrows) == 2
 
 
+@pytest.mark.parametrize(
+    ("labels", "units"),
+    [
+        ({}, ("model units", "model units", "model units")),
+        ({"amplitude": "$x$ [-]"}, ("-", "-", "-")),
+        ({"amplitude": "$x$ [mm]", "Omega": "speed [rad/s]"}, ("rad/s", "mm", "model units")),
+    ],
+)
+def test_quantities_of_matrices_have_no_unit_that_is_not_stated(labels, units):
+    """Matrices may be in any units, so that their forces are not called dimensionless."""
+    stop = hb.Element(direction=[1.0], law=hb.Unilateral(k=1.0, gap=1.0), name="stop")
+    system = hb.System([[1.0]], [[0.1]], [[1.0]], elements=[stop], load=hb.Load(cosine={1: [0.2]}))
+
+    @hb.mechanics.model(labels=labels)
+    def machine(k: float = 1.0) -> hb.System:
+        return system
+
+    for model in (machine(), system) if not labels else (machine(),):
+        point = hb.trace(hb.HarmonicBalance(model, 2), "Omega", (1.9, 2.0), stability=False)[0]
+        columns = hb.analysis.machine_quantities(point, dof=0).columns
+        Omega, length, force = units
+        assert [f"Omega [{Omega}]", f"dte, half peak-to-peak [{length}]"] == list(columns)[:2]
+        assert {f"force, largest [{force}]", "dynamic factor [-]", f"acceleration, rms [{force}]"} < set(columns)
+
+
 def test_answers(curve, tmp_path):
     found, i = hb.analysis.machine_quantities(curve), curve["LP1"].index - 15  # stable, with contact loss
     Omega = float(curve.values[i])

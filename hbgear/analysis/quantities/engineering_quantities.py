@@ -10,7 +10,7 @@
     P_1 = omega_1 r_b1 mean (p + lever across + slide),   eta = 1 - P / P_1,   or P_1 / (P_1 - P) if the wheel drives
 
 With friction p is the normal force in the transverse plane, and the forces across the line of action are |across|.
-Quantities have SI units if the model has `Scales`, otherwise the dimensionless units of the model.
+Quantities have SI units if the model has `Scales`, otherwise the units of the model.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import dataclasses
 import io
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -31,7 +31,7 @@ from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.atomic_write import atomic_write
 from hbgear.common.text.messages import quoted
-from hbgear.common.text.symbols import shown_unit
+from hbgear.common.text.symbols import shown_unit, unit_of
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point, dof_index
 from hbgear.harmonic.forces.breakpoints import gap_samples
@@ -45,6 +45,9 @@ from hbgear.mechanics.structures.elements import Reaction
 
 REFERENCE = 1e-6
 """Reference acceleration of 0 dB [m/s^2], as of ISO 1683."""
+
+_UNKNOWN_UNIT = "model units"
+"""Unit of quantities of a model that states none."""
 
 _FRICTION_PHASES = 4096
 """Number of phases of a period at which the friction of a mesh is evaluated."""
@@ -314,9 +317,9 @@ def _columns(
     has_units = all(model_units is not None for model_units in scales)
     length, force, rate = (np.array([getattr(model_units, name, 1.0) for model_units in scales])
                            for name in ("length", "force", "acceleration"))  # fmt: skip
-    length_unit, force_unit, acceleration_unit = ("um", "N", "m/s^2") if has_units else ("-", "-", "-")
+    Omega_unit, length_unit, force_unit, acceleration_unit = _units(problem.model.labels, has_units)
     speeds = [speeds_at(problem.model, parameters) for parameters in sets]
-    columns = {"Omega [-]": np.array([parameters["Omega"] for parameters in sets])}
+    columns = {f"Omega [{Omega_unit}]": np.array([parameters["Omega"] for parameters in sets])}
     columns |= {f"{name.rpartition(' ')[0]} [{name.rpartition(' ')[2]}]": np.array([speed[name] for speed in speeds])
                 for name in (speeds[0] if speeds else ())}  # fmt: skip
     values = np.array([_of_motion(problem, row, parameters, index) for row, parameters in zip(X, sets, strict=True)])
@@ -335,7 +338,7 @@ def _columns(
     supports = {id(model): model.reactions for model in models}
     if dof is None and not supports[id(models[0])]:
         return columns
-    Omega = columns["Omega [-]"] / problem.nu
+    Omega = columns[f"Omega [{Omega_unit}]"] / problem.nu
     q = np.array([problem.motion(row, **parameters) for row, parameters in zip(X, sets, strict=True)])
     for name in supports[id(models[0])]:
         sizes = np.array(
@@ -349,6 +352,21 @@ def _columns(
         if has_units:
             columns["acceleration, level [dB]"] = 20 * np.log10(np.maximum(acceleration, 1e-300) / REFERENCE)
     return columns
+
+
+def _units(labels: Mapping[str, str], has_scales: bool) -> tuple[str, str, str, str]:
+    """Return the units of Omega, displacements, forces and accelerations; only the labels know those of other models.
+
+    Matrices of the user have no labels, so that their units are unknown.
+    """
+    if has_scales:
+        return "-", "um", "N", "m/s^2"
+    Omega, length = (unit_of(str(labels.get(name, ""))) or _UNKNOWN_UNIT for name in ("Omega", "amplitude"))
+    return (
+        ("-", "-", "-", "-")
+        if length == "1"
+        else ("-" if Omega == "1" else Omega, length, _UNKNOWN_UNIT, _UNKNOWN_UNIT)
+    )
 
 
 def _reaction(support: Reaction, q: Array, rate: float) -> tuple[float, float]:
