@@ -35,6 +35,7 @@ from hbgear.common.ranges import counted
 from hbgear.mechanics.models import Model, System
 from hbgear.mechanics.reference_stiffness import references
 from hbgear.mechanics.structures.elements import Load
+from hbgear.mechanics.structures.modal_damping import modal_squares
 
 
 @dataclass(frozen=True, eq=False)
@@ -302,8 +303,12 @@ def reduce(model: Model, modes: int = 40, Omega: float | None = None, correction
     inverse = scipy.sparse.linalg.LinearOperator(K.shape, matvec=solve, dtype=float)
     rng = np.random.default_rng(0)  # the same start in every run
     start = rng.standard_normal(full.n)
-    squares, shapes = scipy.sparse.linalg.eigsh(K, modes, M, sigma=-shift, OPinv=inverse, v0=start)
-    basis = _orthonormal(shapes[:, np.argsort(squares)], solve(_forces(full)), M)
+    shapes = scipy.sparse.linalg.eigsh(K, modes, M, sigma=-shift, OPinv=inverse, v0=start)[1]
+    shapes = shapes / np.sqrt(np.einsum("ij,ij->j", shapes, M @ shapes))
+    squares = modal_squares(K, shapes, abs(K))
+    order = np.argsort(squares, kind="stable")
+    squares = squares[order]
+    basis = _orthonormal(shapes[:, order], solve(_forces(full)), M)
     last = modes
     for _ in range(corrections - 1):
         last, before = basis.shape[1], last
@@ -311,9 +316,8 @@ def reduce(model: Model, modes: int = 40, Omega: float | None = None, correction
     retained = basis[:, :modes]
     complement = full.W - M @ (retained @ (retained.T @ full.W))  # part of the directions that moves no retained mode
     flexibility = complement.T @ solve(complement)
-    squares = np.sort(squares)
     size = _square_frequency_bound(K, M)
-    free = basis[:, :modes][:, squares <= _MODE_ROUNDING * size]
+    free = retained[:, squares == 0.0]
 
     def balanced(vector: Array) -> Array:
         """Return B^T v, exactly zero on the free modes if it is zero to rounding."""
@@ -325,13 +329,11 @@ def reduce(model: Model, modes: int = 40, Omega: float | None = None, correction
         return out
 
     system = _galerkin(full, basis, modes, balanced, free.shape[1], _MODE_ROUNDING * size)
-    frequencies = np.sqrt(np.maximum(squares, 0.0))
-    frequencies[: free.shape[1]] = 0.0
-    return Reduction(system, full, basis, frequencies, 0.5 * (flexibility + flexibility.T))
+    return Reduction(system, full, basis, np.sqrt(squares), 0.5 * (flexibility + flexibility.T))
 
 
 _MODE_ROUNDING = 64 * float(np.finfo(float).eps)
-"""Error of a computed mode, or of its squared frequency, relative to the highest one [-]."""
+"""Stiffness of a free motion by rounding, relative to the highest squared frequency [-]."""
 
 
 def _square_frequency_bound(K: Any, M: Any) -> float:

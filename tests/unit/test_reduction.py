@@ -268,3 +268,16 @@ def test_a_structure_known_to_its_rounding_only_is_reduced_to_it():
     small = found[0].system
     flexibility = small.W[:, 0] @ np.linalg.solve(small.K, small.W[:, 0])
     assert flexibility == pytest.approx(1 / 3, rel=1e-5)  # L^3 / (3 E I)
+
+
+def test_the_lowest_mode_of_a_fine_mesh_keeps_its_stiffness():
+    """Rounding of K relative to the highest of 2400 modes exceeds the lowest squared frequency, 3.516^2."""
+    n = 1200
+    (M, K), tip = map(sparse.csr_array, cantilever(n)), np.eye(1, 2 * n, 2 * n - 2)[0]
+    stop = hb.Element(tip, hb.Unilateral(0.01, 0.1))
+    found = reduce(hb.System(M, 0.2 * M, K, [stop], hb.Load(cosine={1: tip})), 6)
+    small = found.system
+    lowest = np.sqrt(np.linalg.eigvalsh(small.K)[0])
+    assert lowest == pytest.approx(1.875104068711961**2, rel=1e-4)
+    assert small.W[:, 0] @ np.linalg.solve(small.K, small.W[:, 0]) == pytest.approx(1 / 3, rel=1e-4)  # L^3 / (3 E I)
+    assert found.frequencies[0] == pytest.approx(np.sqrt(lowest**2 + 0.01 * 2**2), rel=1e-4)
