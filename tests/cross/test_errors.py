@@ -127,7 +127,7 @@ def test_an_under_resolved_curve_is_traced_again(restarts):
 
     curve = hb.trace(Line(1.0), "p", (1.0, 2.0))
     assert curve.problem.error == (0.0 if restarts else 1.0)
-    assert ("followed with error 0, for error 1 leaves" in curve.message) == restarts
+    assert ("traced with error 0, because with error 1 the error is" in curve.message) == restarts
 
 
 def test_selected_orders_are_a_choice_of_the_cost():

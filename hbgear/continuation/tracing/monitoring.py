@@ -44,7 +44,7 @@ class UnderResolvedError(BaseException):
 
     def __init__(self, problem: ContinuationProblem, finding: str) -> None:
         self.finer = problem.refined_problem or problem
-        super().__init__(f"followed with {self.finer.resolution}, for {problem.resolution} leaves {finding}")
+        super().__init__(f"traced with {self.finer.resolution}, because with {problem.resolution} {finding}")
 
 
 MAX_SECONDS_WITHOUT_PROGRESS = 1.0
@@ -174,7 +174,7 @@ class Monitor:
             first = int(np.argmax(relative > MAX_RELATIVE_TRUNCATION_ERROR))
             name = self.state.setup.name
             raise UnderResolvedError(
-                self.state.problem, f"an error of {relative[first]:.0%} at {name} = {u[first, -1]:.6g}"
+                self.state.problem, f"the error is {relative[first]:.0%} at {name} = {u[first, -1]:.6g}"
             )
 
     def can_refine(self) -> bool:

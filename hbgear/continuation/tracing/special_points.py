@@ -156,7 +156,7 @@ class SpecialPoints:
             limit = SPURIOUS_POINT_ERROR * segment.problem.unit_of(name, point.value)
             if point.error > limit and self.monitor.can_refine():
                 location = f"{name} = {point.value:.6g}"
-                finding = f"it open whether there is the {point.event.kind} near {location}"
+                finding = f"it is uncertain whether the {point.event.kind} near {location} exists"
                 raise UnderResolvedError(self.state.problem, finding)
 
     # ---- insertion
