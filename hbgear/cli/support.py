@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import re
 import typing
@@ -264,9 +265,10 @@ def on_curve(branch: hb.Branch, text: str, option: str = "LABEL") -> tuple[hb.Br
 
 
 def point_of(branch: hb.Branch, text: str, option: str = "--point") -> hb.Point:
-    """Return a special point by label, or the point nearest to a value; of several crossings, a stable one.
+    """Return a special point by label, or the motion at a value, of several motions a stable one.
 
-    ``2:`` in front of either selects the second curve of the file; see `numbered`.
+    A curve without its problem has computed points only, of which the nearest is returned. ``2:`` in front of either
+    selects the second curve of the file; see `numbered`.
     """
     branch, text = on_curve(branch, text, option)
     try:
@@ -278,8 +280,9 @@ def point_of(branch: hb.Branch, text: str, option: str = "--point") -> hb.Point:
         raise ValueError(
             f"{option} {text}: the curve runs from {low:.6g} to {high:.6g} in {branch.parameter}; choose there"
         )
-    indices = [crossing.nearest for crossing in crossings_at(branch, value)] or [0]  # of a single point
-    return branch[min(indices, key=lambda i: branch[i].stable is not True)]
+    motions = dataclasses.replace(branch, others=()).at(value) if branch.problem is not None else ()
+    nearest = [branch[crossing.nearest] for crossing in crossings_at(branch, value)] or [branch[0]]  # of a single point
+    return min(motions or nearest, key=lambda motion: motion.stable is not True)
 
 
 def chosen_model(name: str, changes: list[str] | None) -> hb.mechanics.Model:

@@ -152,6 +152,17 @@ def test_plot_of_a_file_and_of_its_points(run, saved):
     assert run("plot", saved)[0] == 0 and saved.with_suffix(".png").exists()
 
 
+def test_a_point_at_a_value_lies_exactly_there(run, saved):
+    """The curve has no computed point at 0.75; the nearest one was used."""
+    assert np.abs(hb.load(saved).values - 0.75).min() > 1e-6
+    code, out, _ = run("plot", saved, "--point", 0.75, "-o", "point.png")
+    assert code == 0 and "point at Omega = 0.7500\n" in out
+    assert run("trace", "spur-pair", "--start", f"{saved}:0.75", "--in", "zeta=0.05:0.06", "-o", "load.npz")[0] == 0
+    start = hb.load("load.npz")[0]
+    assert start.parameters["Omega"] == 0.75
+    assert np.abs(start.problem.residual(start.X, **start.parameters)).max() < 1e-9
+
+
 def test_a_span_that_takes_several_curves(run):
     """The first runs off to infinity; jumps land from one on the other, and the file has both."""
     wild = ["--set", "zeta=0.01", "--set", "eps=0,0.2", "--set", "e=0.05", "--harmonics", 8]
