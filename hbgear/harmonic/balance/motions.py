@@ -105,7 +105,8 @@ class PeriodicMotions(HarmonicEquations):
         It is the number of breakpoints of the law that the motion crosses, at most 2. With friction it is 3 if no
         slider of the element slips, 4 if some of them slip, and 5 if all slip.
         """
-        return motion.regime(self.compiled(parameters), X)
+        codes: np.ndarray = motion.regimes(self.compiled(parameters), X[None])[0]
+        return codes
 
     @checked_arguments()
     def clearance(self, X: Array, **parameters: float) -> Array:

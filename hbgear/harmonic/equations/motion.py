@@ -48,12 +48,11 @@ def _rows(evaluator: Evaluator, X: Array) -> Array:
 # ---- contact
 
 
-def regime(evaluator: Evaluator, X: Array) -> np.ndarray:
-    """Return the regime codes (m,) of each law, see `REGIMES`."""
-    regimes = evaluator.extrema_and_regime(X[None])[1]
-    _fill_friction_regimes(evaluator, slip_margins(evaluator, X[None]), regimes)
-    _fill_vector_regimes(evaluator, edge_extremes(evaluator, X[None]), regimes)
-    codes: np.ndarray = regimes[0]
+def regimes(evaluator: Evaluator, X: Array) -> np.ndarray:
+    """Return the regime codes (P, m) of each law in motions X (P, n), see `REGIMES`."""
+    codes = evaluator.extrema_and_regime(X)[1]
+    _fill_friction_regimes(evaluator, slip_margins(evaluator, X), codes)
+    _fill_vector_regimes(evaluator, edge_extremes(evaluator, X), codes)
     return codes
 
 
@@ -230,18 +229,18 @@ def monitored_quantities(evaluator: Evaluator, X: Array, Omega: Array) -> tuple[
 
     The second result (P, m (4H + 1)) holds the harmonics up to 2H that the truncated force harmonics drive.
     """
-    clearances, regimes = evaluator.extrema_and_regime(X)
+    clearances, codes = evaluator.extrema_and_regime(X)
     extended = with_driven_harmonics(evaluator, X, Omega)
-    results = zip(clearances, regimes, truncation_errors(evaluator, extended).tolist(), strict=True)
+    results = zip(clearances, codes, truncation_errors(evaluator, extended).tolist(), strict=True)
     observed = [{"clearance": c, "regime": r, "error": e} for c, r, e in results]
     if evaluator.sliders:
         margins = slip_margins(evaluator, X)
-        _fill_friction_regimes(evaluator, margins, regimes)  # the codes of ``observed`` are views
+        _fill_friction_regimes(evaluator, margins, codes)  # the codes of ``observed`` are views
         for quantities, margin in zip(observed, margins, strict=True):
             quantities["slip"] = margin
     if edged_laws(evaluator):
         extremes = edge_extremes(evaluator, X)
-        _fill_vector_regimes(evaluator, extremes, regimes)
+        _fill_vector_regimes(evaluator, extremes, codes)
         for quantities, edges in zip(observed, extremes, strict=True):
             quantities["edge"] = edges
     return observed, extended
