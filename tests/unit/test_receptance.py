@@ -128,6 +128,18 @@ def test_derivative_in_frequency(rng, slope, power, n, m):
     )
 
 
+@pytest.mark.parametrize("sparse_matrices", [False, True])
+def test_solutions_at_many_frequencies_are_those_of_the_whole_matrices(rng, sparse_matrices):
+    """solve_all: the dynamic stiffness with reference springs times the displacements is the force, also at w = 0."""
+    system = structure(rng, sparse_matrices=sparse_matrices)
+    some, w = LinearStructure(system), np.array([0.0, 0.7, 1.9])
+    F = rng.standard_normal((3, system.n, 2)) + 1j * rng.standard_normal((3, system.n, 2))
+    M, C, K = (A.toarray() if sparse.issparse(A) else A for A in (system.M, system.C, system.K))
+    C, K = (A + system.W @ np.diag(k) @ system.W.T for A, k in ((C, some.c), (K, some.kr)))
+    for wk, x, f in zip(w, some.solve_all(w, F), F, strict=True):
+        assert np.abs((K + 1j * wk * C - wk**2 * M) @ x - f).max() < 1e-11
+
+
 def test_large_sparse_structure_is_solved_directly(slope):
     """A chain of 2000 masses: Z and g agree with sparse solves, and a start point satisfies the equations."""
     n = 2000

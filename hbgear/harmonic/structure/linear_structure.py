@@ -376,13 +376,23 @@ class LinearStructure:
         """Return D(w)^-1 rhs; at w = 0 the solution without free motion."""
         x: ComplexArray
         if self.large:
-            D = self.K + 1j * w * self.C - w**2 * self.M
-            x = scipy.sparse.linalg.splu(D.tocsc()).solve(rhs.astype(complex))
+            x = scipy.sparse.linalg.splu((self.K + 1j * w * self.C - w**2 * self.M).tocsc()).solve(rhs.astype(complex))
         elif w == 0.0:
             x = flexibility(self.K, self._scale) @ rhs
         else:
             x = scipy.linalg.solve(self.K + 1j * w * self.C - w**2 * self.M, rhs)
         return x
+
+    def solve_all(self, w: Array, F: ComplexArray) -> ComplexArray:
+        """Return D(w)^-1 F for F (K, n, c) at frequencies w (K,); see `solve`."""
+        if self.large or self.n > _MAX_STACKED_COORDINATES:
+            return np.array([self.solve(wk, Fk) for wk, Fk in zip(w, F, strict=True)])
+        moving = w != 0.0
+        Q, w_moving = np.zeros(F.shape, dtype=complex), w[moving][:, None, None]
+        if not moving.all():
+            Q[~moving] = flexibility(self.K, self._scale) @ F[~moving]
+        Q[moving] = np.linalg.solve(self.K + 1j * w_moving * self.C - w_moving**2 * self.M, F[moving])
+        return Q
 
     def at(self, Omega: float) -> LinearStructure:
         """Return the structure at a frequency of the excitation, with its modes: itself without speed terms."""
@@ -419,20 +429,15 @@ class LinearStructure:
 
     def _direct(self, w: Array, F: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
         """Return D(w)^-1 F and its derivative in w for F (K, n, c), by direct solutions."""
+        Q, moving = self.solve_all(w, F), w != 0.0
         if self.large or self.n > _MAX_STACKED_COORDINATES:
-            Q = np.array([self.solve(wk, Fk) for wk, Fk in zip(w, F, strict=True)])
             dQ = np.array([
                 -self.solve(wk, 1j * (self.C @ Qk) - 2 * wk * (self.M @ Qk)) if wk else 0 * Qk
                 for wk, Qk in zip(w, Q, strict=True)
             ])  # fmt: skip
             return Q, dQ
-        moving = w != 0.0
-        Q, dQ, w_moving = np.zeros(F.shape, dtype=complex), np.zeros(F.shape, dtype=complex), w[moving][:, None, None]
-        if not moving.all():
-            Q[~moving] = flexibility(self.K, self._scale) @ F[~moving]
-        D = self.K + 1j * w_moving * self.C - w_moving**2 * self.M
-        Q[moving] = np.linalg.solve(D, F[moving])
-        dQ[moving] = -np.linalg.solve(D, 1j * (self.C @ Q[moving]) - 2 * w_moving * (self.M @ Q[moving]))
+        dQ, v, x = np.zeros(F.shape, dtype=complex), w[moving], Q[moving]
+        dQ[moving] = -self.solve_all(v, 1j * (self.C @ x) - 2 * v[:, None, None] * (self.M @ x))
         return Q, dQ
 
 

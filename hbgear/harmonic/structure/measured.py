@@ -63,6 +63,9 @@ class MeasuredStructure(LinearStructure):
         x: ComplexArray = scipy.linalg.solve(self._stiffness(w)[0], rhs)
         return x
 
+    def solve_all(self, w: Array, F: ComplexArray) -> ComplexArray:
+        return np.array([self.solve(wk, Fk) for wk, Fk in zip(w.tolist(), F, strict=True)])
+
     def _direct(self, w: Array, F: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
         Q, dQ = np.empty((2, *F.shape), dtype=complex)
         for i, wi in enumerate(w.tolist()):

@@ -257,7 +257,7 @@ class Receptance:
         w = self.k * Omega / self.nu
         u = f - s.kr * d - (s.kr + 1j * w[:, None] * s.c) * self.e
         rhs = self.loads(Omega) - u @ s.W.T
-        return np.array([s.solve(wk, rhs[k][:, None])[:, 0] for k, wk in enumerate(w)])
+        return s.solve_all(w, rhs[..., None])[..., 0]
 
 
 FEW_POLES = 32
