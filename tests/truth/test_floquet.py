@@ -20,7 +20,7 @@ from hbgear.harmonic.equations.motion import truncation_error, with_driven_harmo
 from hbgear.harmonic.multipliers import constant_flow
 from hbgear.harmonic.multipliers.floquet import _eigenvalues, floquet_multipliers, monodromies
 from hbgear.harmonic.structure.modes import SymmetricPair
-from hbgear.mechanics import Jenkins, Law, Parallel, PiecewiseLinear, Series, SpeedTerms
+from hbgear.mechanics import Jenkins, Law, Parallel, PiecewiseLinear, Series, SpeedTerms, reduce
 from hbgear.mechanics.series.fourier import evaluate
 
 EXCITED = Series(cosine=(0.2, 0.1, 0.05, 0.03, 0.02, 0.01), sine=(0, 0, 0, 0, 0, 0.04))
@@ -492,3 +492,19 @@ def test_without_modes_the_message_has_a_remedy():
     ):
         with pytest.raises(ValueError, match="reduce the model"):
             call()
+
+
+@pytest.mark.slow
+def test_both_period_doublings_of_a_beam_with_a_stop():
+    """Between them the motion is stable or quasi-periodic. With 12 harmonics they are 2.6 times as far apart.
+
+    The frequencies are those of shooting with exact flows of 40 modes of the uniform beam in closed form.
+    """
+    (M, K), tip = cantilever(100), np.eye(1, 200, 198)[0]
+    stop = Element(tip, Unilateral(k=50.0, gap=0.05))
+    beam = System(M, 0.2 * M, K, [stop], Load(cosine={1: 0.02 * tip}))
+    curve = trace(HarmonicBalance(reduce(beam, 10).system, 12), "Omega", (2.5, 3.6))
+    found = [point.parameters["Omega"] for point in curve.special if point.kind == "PD"]
+    assert len(found) == 4  # no pair of them is left out
+    assert found[1] == pytest.approx(3.525534, abs=3e-5)
+    assert found[2] == pytest.approx(3.533802, abs=3e-5)

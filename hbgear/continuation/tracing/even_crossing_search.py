@@ -7,6 +7,7 @@ parts or on the neighbouring segments: the search is repeated there, `MAX_SEARCH
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
@@ -142,21 +143,28 @@ class EvenCrossingSearch:
                 result[number] = sorted(outside + fresh, key=lambda point: point.s)
 
     def _confirmed(self, candidates: Sequence[tuple[Segment, LocatedEvent]], segment: Segment) -> list[LocatedEvent]:
-        """Return the candidates that exist at a higher resolution, with their fractions of the whole segment."""
-        confirmed = (self._confirm(part, point) for part, point in candidates)
-        return [replace(event, s=segment.fraction_of(event.point.u)) for event in confirmed if event is not None]
+        """Return the candidates that exist at a higher resolution, with their fractions of the whole segment.
 
-    def _confirm(self, part: Segment, point: LocatedEvent) -> LocatedEvent | None:
-        """Return a candidate with its error; None if it does not exist at a higher resolution."""
+        If one point of a pair exists, so does the other, although it may be too far away to be located.
+        """
+        assessed = [self._assess(part, point) for part, point in candidates]
+        kinds = Counter(event.event.kind for event, _ in assessed)
+        existing = Counter(event.event.kind for event, exists in assessed if exists)
+        paired = {kind for kind, count in existing.items() if count % 2 and not kinds[kind] % 2}
+        return [replace(event, s=segment.fraction_of(event.point.u))
+                for event, exists in assessed if exists or event.event.kind in paired]  # fmt: skip
+
+    def _assess(self, part: Segment, point: LocatedEvent) -> tuple[LocatedEvent, bool]:
+        """Return a candidate with its error, and whether it exists at a higher resolution."""
         setup = self.state.setup
         accuracy, work = setup.settings.accuracy, setup.work
         if accuracy is None:
-            return point
+            return point, True
         refused = work.refused
         assessed = estimate_error(part, point, accuracy, work)
         refined = assessed.refined is not None or work.refused > refused  # a refusal is no evidence against a point
         limit = max(accuracy, SPURIOUS_POINT_ERROR) if refined else accuracy
-        return None if assessed.error > limit * part.problem.unit_of(setup.name, assessed.point.value) else assessed
+        return assessed, not assessed.error > limit * part.problem.unit_of(setup.name, assessed.point.value)
 
 
 def _coincide(a: LocatedEvent, b: LocatedEvent) -> bool:
