@@ -527,6 +527,17 @@ def test_motions_without_bound_are_not_the_largest_ones() -> None:
     assert largest == stable[: last + 1].max() < curve.amplitude("max").max()
 
 
+def test_largest_factor_of_a_varying_stiffness() -> None:
+    """The largest force of the curve is not at one of its largest amplitudes."""
+    from hbgear.cli.machine_report.assumptions import largest_factor, largest_motions
+
+    model = hb.SpurPair(zeta=0.04, F_m=0.5, eps=(-0.13,), e=(0.05,), reference=(3e4, 4e-5, 1e4, 25))
+    curve = hb.trace(hb.HarmonicBalance(model, 8), "Omega", (1.5, 0.3))
+    largest = hb.analysis.machine_quantities(curve)["dynamic factor"][curve.stable].max()
+    assert float(largest_factor(model, curve)) == pytest.approx(largest, abs=0.005)
+    assert max(hb.analysis.dynamic_factor(model, point) for point in largest_motions(curve)) < largest - 0.02
+
+
 def test_all_motions_at_one_frequency_repeat_after_a_period(tmp_path):
     """Integration over one period returns to the initial state of each motion, stable or unstable, to 1e-4."""
     curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 32), "Omega", (1.3, 0.6))

@@ -183,25 +183,36 @@ def _jump_speeds(model: hb.mechanics.Model, curve: hb.Branch, shown: tuple[float
 
 
 def largest_factor(model: hb.mechanics.Model, curve: hb.Branch, shown: tuple[float, float] | None = None) -> str:
-    """Return the largest dynamic factor of the stable points with the largest amplitudes, in a range of r/min."""
+    """Return the largest dynamic factor of the stable points, in a range of r/min.
+
+    Where the stiffness varies, the largest force is not at the largest amplitude.
+    """
     unit = float(scales_of(model).pinion_speed(1.0))
     for branch in filter(is_unbounded, curve.curves):
         if is_shown(unit * branch.asymptotes.get("last", float(branch.values[-1])), shown):
             return "unbounded"
     span = None if shown is None else (shown[0] / unit, shown[1] / unit)
-    factors = [hb.analysis.dynamic_factor(model, point) for point in largest_motions(curve, span)]
+    factors = [
+        hb.analysis.dynamic_factor(model, branch[i])
+        for branch in curve.curves for i in _bounded_inside(branch, span)
+        if branch.stable is None or branch.stable[i]
+    ]  # fmt: skip
     return rounded(max(factors), 3) if factors else "-"
 
 
-def largest_motions(curve: hb.Branch, span: tuple[float, float] | None = None) -> list[hb.Point]:
-    """Return the stable points with the largest amplitudes of a curve and of each of its others, in a span of Omega.
+def _bounded_inside(branch: hb.Branch, span: tuple[float, float] | None) -> list[int]:
+    """Return the numbers of the points in a span of Omega, without those that go to infinity."""
+    return [i for i in range(len(branch))[bounded_points(branch)] if is_shown(float(branch.values[i]), span)]
+
+
+def largest_motions(curve: hb.Branch) -> list[hb.Point]:
+    """Return the stable points with the largest amplitudes of a curve and of each of its others.
 
     A part that goes to infinity is left out, because its largest motion is where the curve ends.
     """
     points = []
     for branch in curve.curves:
         size = branch.amplitude("max") * (branch.stable if branch.stable is not None else 1.0)
-        part = bounded_points(branch)
-        inside = [i for i in range(len(branch))[part] if is_shown(float(branch.values[i]), span)]
-        points += [branch[i] for i in sorted(inside, key=lambda i: size[i])[-FACTOR_CANDIDATES:]]
+        largest = sorted(_bounded_inside(branch, None), key=lambda i: size[i])[-FACTOR_CANDIDATES:]
+        points += [branch[i] for i in largest]
     return points
