@@ -20,6 +20,7 @@ from hbgear.continuation.numerics.linear import norm, norms
 from hbgear.harmonic.structure.massless import massless_modes
 from hbgear.mechanics.models import System
 from hbgear.mechanics.reference_stiffness import references
+from hbgear.mechanics.structures.modal_damping import modal_squares
 
 MODAL_LIMIT = 1500
 """Number of coordinates above which receptances are computed by direct solutions, not by eigendecomposition."""
@@ -470,13 +471,19 @@ def _without_drift(structure: LinearStructure, frequency_scale: float) -> Array 
 
 
 def _describe_unsupported(structure: LinearStructure) -> str:
-    """Return the error message for an element that no stiffness holds."""
+    """Return the error message for an element that no stiffness holds, or one below the rounding of a fine mesh."""
     measured = np.abs(structure.W.T @ structure.free)
     element, motion = np.unravel_index(int(np.argmax(measured)), measured.shape)
+    name, r = structure.system.elements[int(element)].name, structure.free[:, motion]
+    if modal_squares(structure.K, r[:, None], np.abs(structure.K))[0] > 0:
+        return (
+            f"element '{name}' measures a motion whose stiffness over mass is below {_FREE_MOTION_TOLERANCE} of the "
+            f"largest, too small to be computed with all {structure.n} coordinates; reduce the model first: "
+            "hb.mechanics.reduce(system, modes).system"
+        )
     return (
-        f"element '{structure.system.elements[int(element)].name}' measures a motion that no stiffness holds "
-        f"({_motion_text(structure, structure.free[:, motion])}): its mean is arbitrary; give the law a "
-        "stiffness, or support that motion in K"
+        f"element '{name}' measures a motion that no stiffness holds ({_motion_text(structure, r)}): its mean is "
+        "arbitrary; give the law a stiffness, or support that motion in K"
     )
 
 
