@@ -515,7 +515,7 @@ def test_mat_of_a_bare_branch(tmp_path):
 
 def test_motions_without_bound_are_not_the_largest_ones() -> None:
     """The largest motions of an unbounded branch are searched up to its last special point."""
-    from hbgear.cli.machine_report.assumptions import largest_motions
+    from hbgear.cli.machine_report.gear_tables import largest_motions
 
     curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 5), "Omega", (0.6, 1.0))  # from LP2 over LP1 to the upper part
     assert max(point.amplitude("max") for point in largest_motions(curve)) == curve.amplitude("max").max()
@@ -529,7 +529,8 @@ def test_motions_without_bound_are_not_the_largest_ones() -> None:
 
 def test_largest_factor_of_a_varying_stiffness() -> None:
     """The largest force of the curve is not at one of its largest amplitudes."""
-    from hbgear.cli.machine_report.assumptions import largest_factor, largest_motions
+    from hbgear.cli.machine_report.assumptions import largest_factor
+    from hbgear.cli.machine_report.gear_tables import largest_motions
 
     model = hb.SpurPair(zeta=0.04, F_m=0.5, eps=(-0.13,), e=(0.05,), reference=(3e4, 4e-5, 1e4, 25))
     curve = hb.trace(hb.HarmonicBalance(model, 8), "Omega", (1.5, 0.3))

@@ -23,9 +23,6 @@ from hbgear.plot.branch_sections import bounded_points
 if TYPE_CHECKING:
     from hbgear.gears import DrawnPair
 
-FACTOR_CANDIDATES = 5
-"""Stable points with the largest amplitude at which the dynamic factor is computed to find its maximum."""
-
 LONG_STEPS = hb.StepControl(max_step=0.4)
 """Steps of the curves for comparison. Jumps are located between the points, so that their speeds do not depend on the
 steps; factors changed by 0.5 % at most, and half of the points remain."""
@@ -194,25 +191,12 @@ def largest_factor(model: hb.mechanics.Model, curve: hb.Branch, shown: tuple[flo
     span = None if shown is None else (shown[0] / unit, shown[1] / unit)
     factors = [
         hb.analysis.dynamic_factor(model, branch[i])
-        for branch in curve.curves for i in _bounded_inside(branch, span)
+        for branch in curve.curves for i in bounded_inside(branch, span)
         if branch.stable is None or branch.stable[i]
     ]  # fmt: skip
     return rounded(max(factors), 3) if factors else "-"
 
 
-def _bounded_inside(branch: hb.Branch, span: tuple[float, float] | None) -> list[int]:
+def bounded_inside(branch: hb.Branch, span: tuple[float, float] | None) -> list[int]:
     """Return the numbers of the points in a span of Omega, without those that go to infinity."""
     return [i for i in range(len(branch))[bounded_points(branch)] if is_shown(float(branch.values[i]), span)]
-
-
-def largest_motions(curve: hb.Branch) -> list[hb.Point]:
-    """Return the stable points with the largest amplitudes of a curve and of each of its others.
-
-    A part that goes to infinity is left out, because its largest motion is where the curve ends.
-    """
-    points = []
-    for branch in curve.curves:
-        size = branch.amplitude("max") * (branch.stable if branch.stable is not None else 1.0)
-        largest = sorted(_bounded_inside(branch, None), key=lambda i: size[i])[-FACTOR_CANDIDATES:]
-        points += [branch[i] for i in largest]
-    return points

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import hbgear as hb
-from hbgear.cli.machine_report.assumptions import largest_motions
+from hbgear.cli.machine_report.assumptions import bounded_inside
 from hbgear.cli.machine_report.speed_ranges import scales_of
 
 if TYPE_CHECKING:
@@ -64,6 +64,23 @@ def mesh(machine: Machine, cycle: hb.gears.MeshCycle, model: DrawnPair) -> Itera
     yield ["static transmission error", f"{cycle.peak_to_peak * 1e6:.2f} um peak to peak"]
     yield ["natural frequency", f"{scales.frequency / (2 * pi):.1f} Hz of the mesh, "
            f"{float(scales.pinion_speed(1 / model.mesh_order)):.0f} r/min of the pinion"]  # fmt: skip
+
+
+LOAD_CANDIDATES = 5
+"""Points with the largest amplitudes of each curve at which the loads of the teeth are computed."""
+
+
+def largest_motions(curve: hb.Branch) -> list[hb.Point]:
+    """Return the stable points with the largest amplitudes of a curve and of each of its others.
+
+    A part that goes to infinity is left out, because its largest motion is where the curve ends.
+    """
+    points = []
+    for branch in curve.curves:
+        size = branch.amplitude("max") * (branch.stable if branch.stable is not None else 1.0)
+        largest = sorted(bounded_inside(branch, None), key=lambda i: size[i])[-LOAD_CANDIDATES:]
+        points += [branch[i] for i in largest]
+    return points
 
 
 def teeth(machine: Machine, model: hb.mechanics.Model, curve: hb.Branch) -> Iterator[list[str]]:
