@@ -17,8 +17,9 @@ import numpy as np
 
 import hbgear as hb
 from hbgear.continuation.solvers.newton import NoConvergence, solve
+from studies.random.drawing import logarithmic as log
 from studies.random.machines import Machine
-from studies.random.other_machines import _log, _row_of_masses
+from studies.random.other_machines import _row_of_masses
 
 ROUNDING = 1e-9
 """Error of shooting, below which no stated error is compared."""
@@ -32,16 +33,16 @@ def machine(number: int) -> Machine:
     random = np.random.default_rng([zlib.crc32(b"friction"), number])
     n = int(random.integers(1, 4))
     M, C, K = _row_of_masses(random, n)
-    force = _log(random, 0.1, 0.5)
+    force = log(random, 0.1, 0.5)
     elements = []
     if random.random() < 0.4:
-        stop = hb.Unilateral(k=_log(random, 0.5, 5.0), gap=random.uniform(-0.2, 0.3))
+        stop = hb.Unilateral(k=log(random, 0.5, 5.0), gap=random.uniform(-0.2, 0.3))
         elements.append(hb.Element(np.eye(n)[-1], stop, name="stop"))
     for i in range(int(random.integers(1, 4))):
-        k, limit = _log(random, 0.3, 3.0), force * _log(random, 0.05, 0.5)
+        k, limit = log(random, 0.3, 3.0), force * log(random, 0.05, 0.5)
         kind = random.random()
         if elements and elements[0].name == "stop" and kind < 0.4:
-            law: hb.mechanics.Law = hb.mechanics.ContactFriction(k, _log(random, 0.05, 0.4), "stop")
+            law: hb.mechanics.Law = hb.mechanics.ContactFriction(k, log(random, 0.05, 0.4), "stop")
         elif kind < 0.7:
             law = hb.mechanics.Jenkins(k, limit)
         else:
