@@ -12,7 +12,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 matplotlib.use("Agg")
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("on_path")]
+pytestmark = pytest.mark.usefixtures("on_path")
 
 
 def names():
@@ -68,6 +68,7 @@ def test_runner_skips_unchanged_studies(tmp_path):
     assert not is_made(name, made)
 
 
+@pytest.mark.slow
 def test_sampling(tmp_path):
     """The error of a jump frequency with 128 samples, and the orders of convergence of force and Jacobian."""
     study = importlib.import_module("studies.contact.sampling")
@@ -84,6 +85,7 @@ def test_sampling(tmp_path):
     assert (tmp_path / "sampling.png").stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_studies_are_made_by_the_command(tmp_path):
     """`python -m studies` makes the figure and the report of a study in a separate process."""
     command = [sys.executable, "-m", "studies", "dong_2022.fig15", "--quick", "-o", str(tmp_path), "--jobs", "1"]
