@@ -171,7 +171,8 @@ def speed(
     problem, doubled = hb.HarmonicBalance(model, count), list[Subharmonic]()
     check_shown(problem, measure, 0)
     is_pair = isinstance(model, DrawnPair) and model.mesh_order == 1  # otherwise each curve takes minutes
-    if is_pair and (first is not None or last is not None):
+    is_limited = first is not None or last is not None
+    if is_pair and is_limited:
         low, high = (float(model.scales.pinion_speed(end)) for end in sorted(span))
         shown, span = (low, high), with_default_span(model, span)
     with without_contact_warning():
@@ -189,7 +190,7 @@ def speed(
         show_subharmonics([motions for motions in doubled if clipped(motions.ranges, shown)])
         if is_pair:
             show_assumptions(cast("DrawnPair", model), curve, count, shown)
-        elif first is not None or last is not None:
+        elif is_limited:
             print_text("not included: motions that are reached from speeds outside this range, and those of twice "
                        "the period")  # fmt: skip
         print_text(recommendation(model, curve, other_ranges=other_ranges, shown=shown))
@@ -262,7 +263,6 @@ def _largest(
     stable = np.concatenate([stable_or_limit(curve) for curve in curves])
     if not stable.any():
         stable = np.ones_like(stable)
-    rows = [(number, i) for number, curve in enumerate(curves) for i in range(len(curve))]
     starts = np.cumsum([0, *map(len, curves)])
     asymptotes = [
         value for curve in curves for i, value in curve.unbounded_ends if curve.stable is None or curve.stable[i]
@@ -277,14 +277,14 @@ def _largest(
         else:
             sizes = np.abs(values) if name.startswith("force") else values  # negative if the wheel drives
             k = int(np.nanargmax(np.where(stable, sizes, -np.inf)))
-            number, i = rows[k]
+            number = int(np.searchsorted(starts, k, side="right")) - 1
             sign = np.sign(values[k]) if sizes is not values else 1.0
 
             def size_of(point: hb.Point, name: str = name, sign: float = sign) -> float:
                 return sign * float(hb.analysis.machine_quantities(point, element, dof).columns[name][0])
 
-            curve, size = curves[number], sizes[starts[number] : starts[number + 1]]
-            point, largest = refined_peak(curve, size, i, size_of)
+            curve, start = curves[number], int(starts[number])
+            point, largest = refined_peak(curve, sizes[start : starts[number + 1]], k - start, size_of)
             yield [name, rounded(sign * largest, 4), position_texts(curve, point)[0]]
 
 

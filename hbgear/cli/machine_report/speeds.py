@@ -97,15 +97,15 @@ def resonances(model: hb.mechanics.Model, curve: hb.Branch) -> list[Resonance]:
 
 def _mesh_resonances(model: hb.mechanics.Model, branch: hb.Branch, mesh: int | str) -> Iterator[Resonance]:
     """Yield the resonances of a mesh along a branch."""
-    scales = scales_of(model)
-    size = Ordinate("dte", mesh).along(branch)
+    scales, height = scales_of(model), Ordinate("dte", mesh)
+    size = height.along(branch)
     stable = stable_or_limit(branch)
     jumps = [jump.value for jump in branch.jumps()]
     for i in _peaks(size, stable):
         ends = any(abs(branch.values[i] - value) < SAME_PEAK * value for value in jumps)
         if i in (0, len(branch) - 1) and not ends:
             continue  # the range ends there, not the resonance
-        point, largest = refined_peak(branch, size, i, lambda motion: Ordinate("dte", mesh).at(motion, branch))
+        point, largest = refined_peak(branch, size, i, lambda motion: height.at(motion, branch))
         quantities = hb.analysis.machine_quantities(point, mesh)
         speed = float(scales.pinion_speed(point.parameters["Omega"]))
         yield Resonance(mesh, point, speed, largest, float(quantities["dynamic factor"][0]),
@@ -328,14 +328,18 @@ def recommendation(
     """
     lost = merged([*contact_lost(model, curve), *(other_ranges or []), *without_stable_motion(model, curve)])
     avoided = clipped(merged([*lost, *jumps_possible(model, curve, lost)]), shown)
-    finite_resonances = [x for x in resonances(model, curve) if np.isfinite(x.factor) and is_shown(x.speed, shown)]
     if avoided:
         text = f"avoid {speeds_text(avoided)}"
-    elif finite_resonances:
-        worst = max(finite_resonances, key=lambda x: x.factor)
-        text = f"no speed has to be avoided because of jumps; the dynamic factor is largest at {worst.speed:.0f} r/min"
     else:
-        text = "no speed of this range has to be avoided"
+        finite = (x for x in resonances(model, curve) if np.isfinite(x.factor) and is_shown(x.speed, shown))
+        worst = max(finite, key=lambda x: x.factor, default=None)
+        text = (
+            "no speed of this range has to be avoided"
+            if worst is None
+            else (
+                f"no speed has to be avoided because of jumps; the dynamic factor is largest at {worst.speed:.0f} r/min"
+            )
+        )
     better = min(measures, key=lambda x: x[1], default=None)
     if better is not None and better[1] < 0.9 * reference:
         comparison = "" if np.isinf(reference) else f" instead of {reference:.3g}"

@@ -111,12 +111,12 @@ def branch_point_at(branch: BranchData, fold: SpecialPoint) -> SpecialPoint | No
     for point in branch.special:
         near = point.kind == "BP" and point.located and abs(point.index - fold.index) <= 2
         error = sum(x for x in (point.error, fold.error) if math.isfinite(x))
-        if near and abs(point.parameters[branch.parameter] - value) <= error + SAME_VALUE * abs(value):
+        if near and abs(point.parameters[branch.parameter] - value) <= error + MAX_VERTEX_DISTANCE * abs(value):
             return point
     return None
 
 
-SAME_VALUE = 1e-8
+MAX_VERTEX_DISTANCE = 1e-8
 """Relative distance of a fold from a branch point, beyond their errors, up to which they are one point."""
 
 
