@@ -26,7 +26,7 @@ from typing import Any
 
 import numpy as np
 
-from hbgear.analysis.quantities.mesh_dynamic_factor import force_level, force_samples, is_static
+from hbgear.analysis.quantities.mesh_dynamic_factor import FORCE_SAMPLES, force_level, force_samples, is_static
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.atomic_write import atomic_write
@@ -300,11 +300,15 @@ def forces_along(branch: Branch, elements: Sequence[str] | None = None) -> tuple
     return names, [[element_force(problem, X, parameters, index) for index in indices] for X, parameters in rows]
 
 
-def element_force(problem: HarmonicBalance, X: Array, parameters: dict[str, float], index: int) -> Array:
+def element_force(
+    problem: HarmonicBalance, X: Array, parameters: dict[str, float], index: int, count: int = FORCE_SAMPLES
+) -> Array:
     """Return samples of the force of the law of an element over a period."""
     compiled = problem.compiled(parameters)
     spring, prescribed = compiled.system.elements[index], compiled.piecewise.retained[:, index]
-    return force_samples(spring, prescribed, problem.rows(X)[index], parameters["Omega"] / problem.nu, problem.nu)
+    return force_samples(
+        spring, prescribed, problem.rows(X)[index], parameters["Omega"] / problem.nu, problem.nu, count
+    )
 
 
 def _columns(

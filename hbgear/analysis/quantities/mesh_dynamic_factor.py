@@ -34,7 +34,7 @@ _FORCE_ROUNDING = 1e-9
 _SLOPE_PHASES = 16
 """Number of phases of a period at which the slope of a law is evaluated."""
 
-_FORCE_SAMPLES = 4096
+FORCE_SAMPLES = 4096
 """Number of samples of the force over a period; a breakpoint between two samples changes it by 1e-6 of the force."""
 
 
@@ -141,7 +141,9 @@ def _forces(element: Element, point: Point, layout: Layout, index: int) -> Array
     return force_samples(element, prescribed, row, point.parameters["Omega"] / nu, nu)
 
 
-def force_samples(element: Element, prescribed: ComplexArray, row: Array, rate: float, nu: int) -> Array:
+def force_samples(
+    element: Element, prescribed: ComplexArray, row: Array, rate: float, nu: int, count: int = FORCE_SAMPLES
+) -> Array:
     """Return samples of the force of an element over the period of its motion.
 
     Parameters
@@ -156,14 +158,16 @@ def force_samples(element: Element, prescribed: ComplexArray, row: Array, rate: 
         Rate of the phase dtheta/dt.
     nu : int
         Number of periods of the excitation in the period of the motion.
+    count : int, optional
+        Number N of samples. The default is 4096.
 
     Returns
     -------
     ndarray, shape (N,)
         Force at equidistant phases.
     """
-    d, slope = (gap_samples(element.displacement, prescribed, nu, row, _FORCE_SAMPLES, order) for order in (0, 1))
-    theta = 2 * np.pi * np.arange(_FORCE_SAMPLES) / _FORCE_SAMPLES
+    d, slope = (gap_samples(element.displacement, prescribed, nu, row, count, order) for order in (0, 1))
+    theta = 2 * np.pi * np.arange(count) / count
     law = element.law.normal if isinstance(element.law, MeshContacts) else element.law
     force: Array = law.force(d, rate * slope, nu * theta)[0]
     return force

@@ -12,7 +12,10 @@ from functools import partial
 from threading import Event
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 import hbgear as hb
+from hbgear.analysis.quantities.engineering_quantities import element_force, problem_along
 from hbgear.cli.machine_report.speed_ranges import is_shown, scales_of
 from hbgear.cli.machine_report.speeds import ACCURACY_GRADE, is_unbounded
 from hbgear.cli.output import print_table
@@ -22,6 +25,9 @@ from hbgear.plot.branch_sections import bounded_points
 
 if TYPE_CHECKING:
     from hbgear.gears import DrawnPair
+
+FACTOR_CANDIDATES, COARSE_SAMPLES = 5, 256
+"""Stable points with the largest forces at which the dynamic factor is computed, and samples that select them."""
 
 LONG_STEPS = hb.StepControl(max_step=0.4)
 """Steps of the curves for comparison. Jumps are located between the points, so that their speeds do not depend on the
@@ -189,12 +195,24 @@ def largest_factor(model: hb.mechanics.Model, curve: hb.Branch, shown: tuple[flo
         if is_shown(unit * branch.asymptotes.get("last", float(branch.values[-1])), shown):
             return "unbounded"
     span = None if shown is None else (shown[0] / unit, shown[1] / unit)
-    factors = [
-        hb.analysis.dynamic_factor(model, branch[i])
+    points = [
+        (branch, i)
         for branch in curve.curves for i in bounded_inside(branch, span)
         if branch.stable is None or branch.stable[i]
     ]  # fmt: skip
-    return rounded(max(factors), 3) if factors else "-"
+    return rounded(largest_of(model, points), 3) if points else "-"
+
+
+def largest_of(model: hb.mechanics.Model, points: Sequence[tuple[hb.Branch, int]]) -> float:
+    """Return the largest dynamic factor of points of curves in Omega, on which the static force is the same."""
+
+    def force(entry: tuple[hb.Branch, int]) -> float:
+        branch, i = entry
+        problem, parameters = problem_along(branch), branch.parameters_at(i)
+        return float(np.abs(element_force(problem, branch.X[i], parameters, 0, COARSE_SAMPLES)).max())
+
+    largest = sorted(points, key=force)[-FACTOR_CANDIDATES:]
+    return max(hb.analysis.dynamic_factor(model, branch[i]) for branch, i in largest)
 
 
 def bounded_inside(branch: hb.Branch, span: tuple[float, float] | None) -> list[int]:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 import hbgear as hb
-from hbgear.cli.machine_report.assumptions import LONG_STEPS, until
+from hbgear.cli.machine_report.assumptions import LONG_STEPS, largest_of, until
 from hbgear.cli.machine_report.speed_ranges import Ranges, merged, numbers_text, scales_of
 from hbgear.cli.output import print_table
 from hbgear.common.text.digits import rounded
@@ -85,6 +85,6 @@ def _from_curve(
                         for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a > 1)  # fmt: skip
         if not ranges:
             continue
-        factor = max(hb.analysis.dynamic_factor(model, doubled[int(i)]) for i in np.flatnonzero(stable))
+        factor = largest_of(model, [(doubled, int(i)) for i in np.flatnonzero(stable)])
         begin = float(scales.pinion_speed(point.parameters["Omega"]))
         yield Subharmonic(begin, [(round(low), round(high)) for low, high in ranges], factor)
