@@ -167,6 +167,27 @@ def test_a_branch_point_of_a_curved_trunk_is_located():
     np.testing.assert_allclose(curve.X[:, 0], np.sin(2 * curve.values), atol=1e-8)
 
 
+@pytest.mark.parametrize("bend", [0.0, 0.7, -0.4])
+def test_the_vertex_of_a_pitchfork_has_one_label(bend):
+    """On u^2 = p - 0.3 the branch point was listed together with a fold, at the same place."""
+
+    class Pitchfork:
+        def evaluate(self, X, p):
+            x, y = X
+            u = x - bend * y
+            R = [u * (p - 0.3 - u * u), y - u * u - u**3]
+            slope = (p - 0.3 - 3 * u * u) * np.array([1.0, -bend])
+            return np.array(R), np.array([slope, (-2 * u - 3 * u * u) * np.array([1.0, -bend]) + [0.0, 1.0]])
+
+    u, y = 0.7**0.5, 0.7 + 0.7**1.5
+    curve = trace(Pitchfork(), "p", (1.0, 0.0), np.array([u + bend * y, y]))
+    u = curve.X[:, 0] - bend * curve.X[:, 1]
+    assert u.max() > 0.8 and u.min() < -0.8
+    np.testing.assert_allclose(u * u, curve.values - 0.3, atol=1e-8)
+    vertex = [point for point in curve.special if abs(point.parameters["p"] - 0.3) < 1e-4]
+    assert [point.kind for point in vertex] == ["BP"] and vertex[0].parameters["p"] == pytest.approx(0.3, abs=1e-12)
+
+
 def on_circle(angles):
     """Return points of the unit circle x = sin s, p = cos s and their tangents, (k, 2) each."""
     sine, cosine = np.sin(angles), np.cos(angles)

@@ -252,6 +252,23 @@ def test_motions_without_symmetry_end_at_a_pitchfork_without_a_jump(F):
     assert d.std() == pytest.approx(turn.amplitude("rms"), rel=0.03)
 
 
+@pytest.mark.slow
+def test_a_sweep_of_motions_without_symmetry_leaves_them_at_the_vertex_in_its_own_direction():
+    """They exist from 0.3718 to 0.3852, where a sweep in either direction returns to the symmetric motion. The last
+    vertex, at which the fold was a second label, had a sweep in the wrong direction, and a point was not located."""
+    system = hb.System([[1.0]], [[0.1]], [[1.0]], [hb.Element([1.0], hb.Cubic(1.0))], hb.Load(cosine={1: [5.0]}))
+    curve = hb.trace(hb.HarmonicBalance(system, 15), "Omega", (0.3, 0.65))
+    ends = [point.parameters["Omega"] for point in curve.special if point.kind == "BP"]
+    for number, end in enumerate(ends, 1):
+        branch = hb.switch(curve, f"BP{number}")
+        other, direction = (ends[number], 1) if number % 2 else (ends[number - 2], -1)
+        assert branch.values.min() > min(end, other) - 1e-3 and branch.values.max() < max(end, other) + 1e-3
+        assert [point.kind for point in branch.special] == ["BP", "BP"] and branch.warnings == ()
+        (jump,) = branch.jumps()
+        assert (jump.direction, jump.landing) == (direction, "bifurcating")
+        assert jump.value == pytest.approx(other, abs=1e-5) and jump.after.amplitude("mean") < 1e-9
+
+
 def test_a_subcritical_pitchfork_is_a_jump():
     curve = hb.trace(hb.HarmonicBalance(two_masses(0.5, -0.02, 0.2), 5), "Omega", (0.6, 2.2))
     (jump,) = (jump for jump in curve.jumps() if jump.label.startswith("BP"))

@@ -19,8 +19,10 @@ import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.continuation.curve.segment import CurvePoint, Points, Segment
+from hbgear.continuation.events.branch_point import BranchPointEvent
 from hbgear.continuation.events.detector import EventDetector
 from hbgear.continuation.events.event import Event, LocatedEvent
+from hbgear.continuation.events.fold import FoldEvent
 from hbgear.continuation.results.stability import STABILITY_CHANGING_KINDS, STABILITY_TOLERANCE
 
 Position: TypeAlias = tuple[int, float]
@@ -128,7 +130,18 @@ class SampledCurve:
                 fraction, candidates = (s - low) / (high - low), by_part.setdefault(k, [])
                 if all(known is not event or abs(fraction - x) > SAME_CANDIDATE_DISTANCE for known, x in candidates):
                     candidates.append((event, fraction))
-        return by_part
+        return {k: self._without_vertices(k, candidates) for k, candidates in by_part.items()}
+
+    def _without_vertices(self, k: int, candidates: list[Candidate]) -> list[Candidate]:
+        """Return the candidates of part k, without folds if the curve turns back at a branch point at one of its ends.
+
+        The parameter has an extremum at that end, and its direction at the branch point itself is undetermined.
+        """
+        direction = [point.parameter_direction for point in self.points]
+        inner = (i for i in (k, k + 1) if 0 < i < len(direction) - 1 and self.kinds[i] == BranchPointEvent.kind)
+        if any(direction[i - 1] != direction[i + 1] for i in inner):
+            return [candidate for candidate in candidates if candidate[0].kind != FoldEvent.kind]
+        return candidates
 
     def unmatched_sign_changes(
         self, detector: EventDetector, curve_points: Points

@@ -450,8 +450,8 @@ ROUNDING_FRACTION = 1e-6
 """Distance from a root, as a fraction of the segment, within which the test function may be rounding error."""
 
 
-SINGULAR_POINT_OFFSET = 1e-5
-"""Distance from a singular point, as a fraction of the segment, at which both sides of it are evaluated."""
+SINGULAR_POINT_OFFSETS = 1e-5, 1e-4
+"""Distances from a singular point, as fractions of the segment, at which both sides of it are evaluated."""
 
 
 LOCATION_ITERATIONS = 5
@@ -499,12 +499,13 @@ def locate_root(
         try:
             return value(s)
         except SOLVER_ERRORS:
-            low, high = max(s - SINGULAR_POINT_OFFSET, 0.0), min(s + SINGULAR_POINT_OFFSET, 1.0)
-            if value(low) * value(high) >= 0:
-                raise
-            weight = value(low) / (value(low) - value(high))
-            points[s], values[s] = _interpolated_point(segment, points[low], points[high], weight), 0.0
-            return 0.0
+            for offset in SINGULAR_POINT_OFFSETS:
+                low, high = max(s - offset, 0.0), min(s + offset, 1.0)
+                if value(low) * value(high) < 0:
+                    weight = value(low) / (value(low) - value(high))
+                    points[s], values[s] = _interpolated_point(segment, points[low], points[high], weight), 0.0
+                    return 0.0
+            raise
 
     try:
         root = find_root_bracketed(value_or_zero, 0.0, 1.0, fine, first)

@@ -97,29 +97,6 @@ def _undecided_points(branch: BranchData) -> list[str]:
     return [f"stability undecided at {undecided.size} points from {name} = {low:.6g} to {name} = {high:.6g}"]
 
 
-def branch_point_at(branch: BranchData, fold: SpecialPoint) -> SpecialPoint | None:
-    """Return the branch point at which a curve turns back, as at the vertex of a pitchfork, or None.
-
-    Parameters
-    ----------
-    branch : BranchData
-        Branch of the fold.
-    fold : SpecialPoint
-        Fold of it.
-    """
-    value = fold.parameters[branch.parameter]
-    for point in branch.special:
-        near = point.kind == "BP" and point.located and abs(point.index - fold.index) <= 2
-        error = sum(x for x in (point.error, fold.error) if math.isfinite(x))
-        if near and abs(point.parameters[branch.parameter] - value) <= error + MAX_VERTEX_DISTANCE * abs(value):
-            return point
-    return None
-
-
-MAX_VERTEX_DISTANCE = 1e-8
-"""Relative distance of a fold from a branch point, beyond their errors, up to which they are one point."""
-
-
 START_DISTANCE = 1e-3
 """Distance of a multiplier from +1 up to which the first point of a branch is a special point, within truncation."""
 
@@ -144,10 +121,8 @@ def _contradictions(branch: BranchData) -> list[str]:
         for a, b in unexplained_changes(codes, kinds)
         if not any(_is_displaced_between(branch, point, a, b) for point in branch.special)
     ]
-    folds = {point.index: point for point in branch.special if point.kind == "LP"}
-    stable_folds = [
-        folds[i].label for i in stable_on_both_sides(codes, kinds) if branch_point_at(branch, folds[i]) is None
-    ]
+    folds = {point.index: point.label for point in branch.special if point.kind == "LP"}
+    stable_folds = [folds[i] for i in stable_on_both_sides(codes, kinds)]
     return out + ([f"both sides of {', '.join(stable_folds)} are stable"] if stable_folds else [])
 
 

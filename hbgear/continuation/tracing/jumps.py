@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Container, Iterable, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -16,7 +17,6 @@ from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.interpolation import crossings_at
 from hbgear.continuation.results.layout import HasDistance
 from hbgear.continuation.results.point import BIFURCATING, Jump, Point, SpecialPoint
-from hbgear.continuation.results.reliability import branch_point_at
 from hbgear.continuation.results.stability import STABILITY_CHANGING_KINDS, is_stable
 from hbgear.continuation.solvers.newton import SEARCH_ERRORS, NewtonSettings, NoConvergence, Solution, solve
 from hbgear.continuation.stepping.control import StepControl
@@ -35,6 +35,8 @@ The fold of the truncated equations and the multiplier +1 of the exact motion di
 
 def find_jumps(branch: Branch, settings: NewtonSettings = NewtonSettings()) -> tuple[Jump, ...]:
     """Return a `Jump` for each fold that a slow sweep along a stable section of the branch reaches.
+
+    A branch point at which the curve turns back, as at the vertex of a pitchfork, is a fold here.
 
     If the section loses its stability just before the fold (PD, NS), the sweep leaves the branch there, and the jump
     has the label of that point. The sweep lands on the stable section of the same curve at the same parameter value. If
@@ -57,20 +59,17 @@ def find_jumps(branch: Branch, settings: NewtonSettings = NewtonSettings()) -> t
     if branch.multipliers is None or branch.problem is None:
         return ()
     departures, stability = [], is_stable(branch.multipliers)  # undecided points by their most likely stability
-    for fold in branch.special:
-        if fold.kind != "LP" or not fold.located or not 0 < fold.index < len(branch) - 1:
+    folds = {point.index: point for point in branch.special if _turns_at(branch, point)}
+    for fold in folds.values():
+        if not fold.located or not 0 < fold.index < len(branch) - 1:
             continue
-        sides = [(side, point) for side in (-1, 1) if (point := _departure(branch, stability, fold, side)) is not None]
+        departure = partial(_departure, branch, stability, folds, fold)
+        sides = [(side, point) for side in (-1, 1) if (point := departure(side)) is not None]
         if not sides:
             continue
         # a fold ends one stable section; if uncertain points suggest two, the longer one is taken
-        side, point = max(sides, key=lambda pair: _stable_run(branch, stability, fold.index, pair[0]))
-        neighbour = fold.index + side
-        if point is fold and (vertex := branch_point_at(branch, fold)) is not None:
-            # at the vertex of a pitchfork the sweep may continue on the curve that passes there
-            point, ends = vertex, sorted((vertex.index, fold.index))
-            neighbour = min(ends[1] + 1, len(branch) - 1) if side > 0 else ends[0] - 1
-        direction = 1 if branch.values[fold.index] > branch.values[neighbour] else -1
+        side, point = max(sides, key=lambda pair: _stable_run(stability, folds, fold.index, pair[0]))
+        direction = 1 if branch.values[fold.index] > branch.values[fold.index + side] else -1
         onward = continuing(branch, point, direction, settings) if point.kind in _BRANCHING else None
         if onward is not None and point.kind == "PD":
             continue
@@ -91,29 +90,40 @@ def find_jumps(branch: Branch, settings: NewtonSettings = NewtonSettings()) -> t
     return tuple(jumps)
 
 
-def _departure(branch: Branch, stable: np.ndarray, fold: SpecialPoint, side: int) -> SpecialPoint | None:
-    """Return the point at which a sweep towards a fold loses stability; None if that side is unstable."""
+def _turns_at(branch: Branch, point: SpecialPoint) -> bool:
+    """Return whether a curve turns back at a special point: a fold, or a branch point at the vertex of a pitchfork."""
+    if point.kind != "BP" or not 0 < point.index < len(branch) - 1:
+        return point.kind == "LP"
+    before, turn, after = branch.values[point.index - 1 : point.index + 2]
+    return bool((before - turn) * (after - turn) > 0)
+
+
+def _departure(
+    branch: Branch, stable: np.ndarray, folds: Container[int], fold: SpecialPoint, side: int
+) -> SpecialPoint | None:
+    """Return the point at which a sweep towards a fold loses stability; None if that side is unstable.
+
+    ``folds`` has the numbers of the points at which the curve turns back.
+    """
     marks = {p.index: p for p in branch.special if p.kind in STABILITY_CHANGING_KINDS}
     departure: SpecialPoint | None = None
     i = fold.index + side
     # towards the last stable point before the fold; a loss of stability on the way is where the sweep leaves
     while 0 <= i < len(branch):
-        mark = marks.get(i)
-        if mark is not None and mark.kind == "LP":
+        if i in folds:
             return None
-        if mark is not None:
-            departure = mark
+        if i in marks:
+            departure = marks[i]
         elif stable[i]:
             return departure or (fold if abs(i - fold.index) <= UNCERTAIN_POINTS_AT_FOLD else None)
         i += side
     return None
 
 
-def _stable_run(branch: Branch, stable: np.ndarray, start: int, side: int) -> int:
+def _stable_run(stable: np.ndarray, folds: Iterable[int], start: int, side: int) -> int:
     """Return the number of stable points on one side of a fold, up to the next fold."""
-    folds = [p.index for p in branch.special if p.kind == "LP"]
     if side > 0:
-        return int(np.count_nonzero(stable[start + 1 : min((i for i in folds if i > start), default=len(branch))]))
+        return int(np.count_nonzero(stable[start + 1 : min((i for i in folds if i > start), default=len(stable))]))
     return int(np.count_nonzero(stable[max((i for i in folds if i < start), default=-1) + 1 : start]))
 
 
