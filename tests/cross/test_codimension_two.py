@@ -87,6 +87,17 @@ def test_neimark_sacker_points_end_at_the_resonance(symmetric):
     assert end.parameters["Omega"] == pytest.approx(0.9493419784674177, abs=1e-10)
 
 
+@pytest.mark.parametrize("accuracy", [1e-3, 1e-9])
+def test_the_error_of_the_end_at_the_resonance_is_that_of_its_truncation(accuracy):
+    """It was infinite. The reference is the resonance by shooting; the point is refined to the accuracy."""
+    curve = hb.trace(hb.HarmonicBalance(forced(), 3), "Omega", (0.93, 0.95), at={"F": 0.203}, accuracy=None)
+    held = hb.follow(curve, "NS1", "F", (0.203, 0.19), accuracy=accuracy)
+    end, true = held["RI1"], abs(held["RI1"].parameters["F"] - 0.1924005883486835)
+    assert true == pytest.approx(end.error, rel=0.01, abs=1e-12) and end.error < accuracy and held.warnings == ()
+    assert (true > 1e-6) == (accuracy == 1e-3)  # the error of 3 harmonics is 1.3e-6
+    assert hb.switch(held, "RI1", (0.185, 0.2), accuracy=None).values[-1] == 0.2  # from a refined point
+
+
 @dataclass(frozen=True)
 class ScaledVanDerPol(hb.mechanics.Law):
     """The law with lengths in units of L and times in units of T."""

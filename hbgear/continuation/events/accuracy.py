@@ -290,9 +290,10 @@ def _by_equations(segment: Segment, event: LocatedEvent, problem: ContinuationPr
     def locate() -> RefinedLocation | None:
         try:
             solution = extended.located(U, parameters)
+            point = solution_at(extended.problem, solution.X, segment.name, segment.parameters)
         except SEARCH_ERRORS:
             return None
-        refined = _curve_point(segment, problem, solution_at(problem, solution.X, segment.name, segment.parameters))
+        refined = _curve_point(segment, problem, point)
         valid = (
             _distance(segment, refined, located) <= MAX_POINT_SHIFT and refined.residual <= segment.settings.tolerance
         )

@@ -46,7 +46,7 @@ from hbgear.continuation.numerics.linear import as_dense, bordered, norm
 from hbgear.continuation.problem.adapter import as_problem
 from hbgear.continuation.problem.base import ContinuationProblem, linearise
 from hbgear.continuation.results.branch import Branch
-from hbgear.continuation.results.point import Point, SpecialPoint
+from hbgear.continuation.results.point import SpecialPoint
 from hbgear.continuation.results.status import Status
 from hbgear.continuation.solvers.newton import SEARCH_ERRORS, SOLVER_ERRORS, Solution, solve
 from hbgear.harmonic.bifurcations.neimark_sacker import NeimarkSackerProblem, PairModulusProblem, exponent_of_pair
@@ -425,6 +425,29 @@ class FourthResonanceEvent(AngleEvent):
     kind, meaning, marker, cosine = "RIV", "1:4 resonance: the multipliers are i and -i", "d", 0.0
 
 
+class RealPairProblem(ScalarConditionProblem):
+    """Equations of the resonance at the end of a curve of Neimark-Sacker points, on a curve of codimension one.
+
+    Parameters
+    ----------
+    problem : NeimarkSackerProblem
+        Equations of the Neimark-Sacker points, which are singular there.
+    parameter : str
+        Parameter of their curve.
+    end : RealPairEvent
+        The end.
+    """
+
+    def __init__(self, problem: Any, parameter: str, end: RealPairEvent) -> None:
+        curve = end.codimension_one(problem.problem, problem.parameter)
+        super().__init__(curve, parameter, lambda point: end.on.function(curve, point.X, dict(point.parameters)))
+        self._fixed(end=end)
+
+    @property
+    def arguments(self) -> tuple[Any, ...]:
+        return (vars(self)["end"],)
+
+
 class RealPairEvent(CodimensionTwoEvent):
     """End of a curve of Neimark-Sacker points, where the pair becomes real: the resonance 1:1 or 1:2.
 
@@ -440,10 +463,11 @@ class RealPairEvent(CodimensionTwoEvent):
     """
 
     terminal = True
+    regular_at_corners = True  # the curve of folds or period doublings does not end there
 
     def __init__(self, on: type[CodimensionTwoEvent], equations: type[FoldProblem]) -> None:
         self.kind, self.meaning, self.marker = on.kind, on.meaning, on.marker
-        self._on, self._equations = on, equations
+        self.on, self.codimension_one = on, equations
 
     def find(self, segment: Segment) -> list[LocatedEvent]:
         """Return nothing: the curve cannot be continued beyond this point."""
@@ -454,7 +478,7 @@ class RealPairEvent(CodimensionTwoEvent):
     ) -> tuple[ContinuationProblem, BranchStart]:
         """Return the curve of folds or period doublings that passes at the end, in the direction of ``side``."""
         ended: Any = as_problem(branch.problem)
-        equations = self._equations(ended.problem, ended.parameter)
+        equations = self.codimension_one(ended.problem, ended.parameter)
         X = equations.join(ended.problem.from_point(point), point.parameters)
         direction = np.append(np.zeros(len(X)), float(side))
         return equations, BranchStart(X, dict(point.parameters), direction, bifurcating=False)
@@ -465,15 +489,8 @@ class RealPairEvent(CodimensionTwoEvent):
         if not (after < before and after < MAX_END_ANGLE**2):
             return None
         s = before / (before - after)
-        problem, name = segment.problem, segment.name
-        assert isinstance(problem, NeimarkSackerProblem)
-        codimension_one = self._equations(problem.problem, problem.parameter)
         u = segment.a.u + s * (segment.b.u - segment.a.u)
-
-        def test(point: Point) -> float:
-            return self._on.function(codimension_one, point.X, dict(point.parameters))
-
-        equations = ScalarConditionProblem(codimension_one, name, test)
+        equations = self.equations(segment.problem, segment.name, None)
         try:
             solution = equations.located(u, segment.parameters_at(float(u[-1])))
         except SEARCH_ERRORS:
@@ -484,13 +501,17 @@ class RealPairEvent(CodimensionTwoEvent):
         point = replace(segment.b, u=root, residual=solution.residual, iterations=solution.iterations, observed={})
         return LocatedEvent(self, segment.fraction_of(root), point, True)
 
+    def equations(self, problem: Any, parameter: str, point: Any) -> MinimallyAugmentedProblem:
+        """Return the equations of the resonance, with the unknowns of the Neimark-Sacker points."""
+        return RealPairProblem(problem, parameter, self)
+
     def _angle(self, segment: Segment, point: CurvePoint) -> float:
         """Return the angle of the multipliers from the real axis at this resonance [rad]; zero if they are real."""
         s = exponent_at(segment.problem, segment.name, segment.parameters, point, segment.a.observed.get(EXPONENT))
         if s is None:
             return 0.0
         cosine = math.cos(_angle(segment.problem, segment.name, segment.parameters, point, s))
-        return math.acos(max(-1.0, min(1.0, cosine if self._on is FirstResonanceEvent else -cosine)))
+        return math.acos(max(-1.0, min(1.0, cosine if self.on is FirstResonanceEvent else -cosine)))
 
     def termination(self, name: str, value: float) -> tuple[Status, str]:
         return Status.EVENT, f"the curve of Neimark-Sacker points ends at a {self.meaning} at {name} = {value:.9g}"
