@@ -255,9 +255,10 @@ def reliability_lines(branch: Branch, dimensionless: bool = False) -> list[str]:
     -------
     list of str
         One line with the errors and the number of points with determined stability, and one line that starts with
-        "warning:" for each entry of `Branch.warnings`. Empty if the branch was traced without error estimates.
+        "warning:" for each entry of `Branch.warnings`. Empty if no errors are known. A branch that was traced without
+        errors of special points, such as one of tori, has those of its points.
     """
-    if branch.meta.get("trace", {}).get("accuracy") is None:
+    if branch.meta.get("trace", {}).get("accuracy") is None and math.isnan(branch.relative_error):
         return []
     errors = [f"special points {error}" for error in _special_point_error(branch)]
     if not math.isnan(branch.relative_error):

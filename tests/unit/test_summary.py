@@ -70,8 +70,14 @@ def test_unknown_errors_are_named(curve):
     assert reliability_lines(branch)[0].startswith("Estimated relative error: unknown; ")
 
 
-def test_without_error_estimates_there_are_no_lines(curve):
-    assert reliability_lines(replace(curve, meta={**curve.meta, "trace": {"accuracy": None}})) == []
+def test_without_errors_of_special_points_those_of_the_points_are_stated(curve):
+    """A branch of tori had no line, and its warnings were not shown."""
+    special = tuple(replace(point, error=np.nan) for point in curve.special)
+    branch = replace(curve, special=special, meta={**curve.meta, "trace": {"accuracy": None}})
+    first, *warnings = reliability_lines(branch)
+    assert first.startswith(f"Estimated relative error: special points unknown, response {curve.relative_error:.0e}; ")
+    assert warnings == [f"warning: {text}" for text in branch.warnings]
+    assert reliability_lines(replace(branch, error=np.full(len(curve), np.nan))) == []
 
 
 def test_warnings_state_speeds_of_models_with_units():

@@ -10,9 +10,10 @@ import typer
 import hbgear as hb
 from hbgear.analysis.quantities.axis_quantities import Abscissa, OmegaAxis, Ordinate
 from hbgear.analysis.quantities.length_units import factor_of
+from hbgear.analysis.summary import reliability_lines
 from hbgear.cli import complete as cli_complete
 from hbgear.cli import options
-from hbgear.cli.output import exit_code, print_table, show_branch
+from hbgear.cli.output import exit_code, print_table, print_text, show_branch
 from hbgear.cli.output_files import outputs
 from hbgear.cli.quantities import number_of
 from hbgear.cli.support import (
@@ -152,6 +153,8 @@ def torus(
         origin = f"{len(branch)} points of {file} continued" if is_torus_file else f"tori from {label} of {file}"
         print(f"{origin}: {len(tori)} points; {tori.message}")
         _show_frequencies(tori, "Omega_2", measure, element, dimensionless)
+        for line in reliability_lines(tori, dimensionless):
+            print_text(line)
     raise typer.Exit(exit_code(tori))
 
 
