@@ -1,7 +1,7 @@
 """Engineering quantities along a branch: tooth forces, dynamic factor, transmission error, acceleration.
 
     dte = w^T q = d + e(tau)          half of its peak-to-peak value
-    p(tau)                            force of the law of an element, without its damper
+    p(tau)                            force of the law of an element with its friction sliders, without its damper
     K = max p / mean p                dynamic factor; the mean of p is the static force, as the mean damper force is 0;
                                       nan where the static force is zero, see `dynamic_factor`
     a = rms of q'',   L = 20 lg(a / 1e-6 m/s^2)        acceleration of a coordinate and its level (ISO 1683)
@@ -304,11 +304,11 @@ def element_force(
     problem: HarmonicBalance, X: Array, parameters: dict[str, float], index: int, count: int = FORCE_SAMPLES
 ) -> Array:
     """Return samples of the force of the law of an element over a period."""
-    compiled = problem.compiled(parameters)
-    spring, prescribed = compiled.system.elements[index], compiled.piecewise.retained[:, index]
+    compiled, nu = problem.compiled(parameters), problem.nu
     return force_samples(
-        spring, prescribed, problem.rows(X)[index], parameters["Omega"] / problem.nu, problem.nu, count
-    )
+        compiled.system.elements, index, lambda j: compiled.piecewise.retained[:, j], problem.rows(X),
+        parameters["Omega"] / nu, nu, count,
+    )  # fmt: skip
 
 
 def _columns(
@@ -386,16 +386,16 @@ def _of_motion(
 ) -> tuple[float, float, float, float]:
     """Return the transmission error, largest force, static force and dynamic factor, in units of the model.
 
-    The largest force is the one in the direction of the static force.
+    The largest force is the one in the direction of the static force, without a static force the one of largest size.
     """
     compiled = problem.compiled(parameters)
     force = element_force(problem, X, parameters, index)
-    static = float(force.mean())
-    largest = float(force[np.argmax(force if static >= 0 else -force)])
-    level = force_level(compiled.system.elements, problem.rows(X))
-    has_static = is_static(static, float(np.abs(force).max()), level)
+    mean, size = float(force.mean()), float(np.abs(force).max())
+    has_static = is_static(mean, size, force_level(compiled.system.elements, problem.rows(X)))
+    static = mean if has_static else 0.0
+    largest = float(force.max() if static > 0 else force.min()) if has_static else size
     half_range = float(half_peak_to_peak(total_error(problem, X, parameters, index)))
-    return half_range, largest, static if has_static else 0.0, largest / static if has_static else math.nan
+    return half_range, largest, static, largest / static if has_static else math.nan
 
 
 def _friction(

@@ -2,15 +2,15 @@
 
     K = max_tau p(d, d', tau) / mean_tau p(d, d', tau)
 
-p is the force of the law, without the damper in parallel. Its mean is the static force, because the mean damper force
-over a period is zero. The dynamic factor is not defined if the static force is zero: if |mean p| is at most 1e-6 max
-|p|, the accuracy of a motion, or at most 1e-9 of the largest product of stiffness and displacement of the elements of
-the machine, which is rounding.
+p is the force of the law and its friction sliders, without the damper in parallel. Its mean is the static force,
+because the mean damper force over a period is zero. The dynamic factor is not defined if the static force is zero: if
+|mean p| is at most 1e-6 max |p|, the accuracy of a motion, or at most 1e-9 of the largest product of stiffness and
+displacement of the elements of the machine, which is rounding.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -21,6 +21,8 @@ from hbgear.continuation.results.point import Point
 from hbgear.harmonic.equations.layout import Layout, layout_of
 from hbgear.harmonic.forces.breakpoints import gap_samples
 from hbgear.mechanics.laws.mesh_contacts import MeshContacts
+from hbgear.mechanics.laws.slider import friction_limits, limit_at, steady_force
+from hbgear.mechanics.laws.vector_laws import Component
 from hbgear.mechanics.models import Model
 from hbgear.mechanics.series.fourier import stretch, to_complex
 from hbgear.mechanics.structures.elements import Element
@@ -74,7 +76,7 @@ def dynamic_factor(model: Model, point: Point, element: int | str = 0) -> float:
     if layout is None:
         raise ValueError("dynamic_factor: the point has no layout; give a point of a branch of a HarmonicBalance")
     elements, index = model.at(point.parameters).system().elements, layout.index(element)
-    force = _forces(elements[index], point, layout, index)
+    force = _forces(elements, point, layout, index)
     mean = float(force.mean())
     rows = np.array([point.coefficients(j) for j in range(len(layout.elements))])
     if not is_static(mean, float(np.abs(force).max()), force_level(elements, rows)):
@@ -134,26 +136,34 @@ def _max_stiffness(element: Element, size: float) -> float:
     return float(np.abs(slopes).max())
 
 
-def _forces(element: Element, point: Point, layout: Layout, index: int) -> Array:
+def _forces(elements: Sequence[Element], point: Point, layout: Layout, index: int) -> Array:
     """Return samples of the force of the law of an element over the period of its motion, shape (N,)."""
-    row, nu = point.coefficients(index), layout.nu
-    prescribed = to_complex(stretch(element.displacement.row(layout.harmonics // nu), nu))
-    return force_samples(element, prescribed, row, point.parameters["Omega"] / nu, nu)
+    nu = layout.nu
+    rows = np.array([point.coefficients(j) for j in range(len(layout.elements))])
+
+    def prescribed(j: int) -> ComplexArray:
+        return to_complex(stretch(elements[j].displacement.row(layout.harmonics // nu), nu))
+
+    return force_samples(elements, index, prescribed, rows, point.parameters["Omega"] / nu, nu)
 
 
 def force_samples(
-    element: Element, prescribed: ComplexArray, row: Array, rate: float, nu: int, count: int = FORCE_SAMPLES
-) -> Array:
+    elements: Sequence[Element], index: int, prescribed: Callable[[int], ComplexArray], rows: Array, rate: float,
+    nu: int, count: int = FORCE_SAMPLES,
+) -> Array:  # fmt: skip
     """Return samples of the force of an element over the period of its motion.
 
     Parameters
     ----------
-    element : Element
-        Element.
-    prescribed : ndarray of complex
-        Harmonics of its prescribed displacement, as for `hbgear.harmonic.forces.breakpoints.gap_samples`.
-    row : ndarray, shape (2H + 1,)
-        Fourier coefficients of its displacement.
+    elements : sequence of Element
+        All elements.
+    index : int
+        Number of the element.
+    prescribed : callable
+        Harmonics of the prescribed displacement of an element by its number, as for
+        `hbgear.harmonic.forces.breakpoints.gap_samples`.
+    rows : ndarray, shape (m, 2H + 1)
+        Fourier coefficients of the displacements of all elements.
     rate : float
         Rate of the phase dtheta/dt.
     nu : int
@@ -166,8 +176,22 @@ def force_samples(
     ndarray, shape (N,)
         Force at equidistant phases.
     """
-    d, slope = (gap_samples(element.displacement, prescribed, nu, row, count, order) for order in (0, 1))
-    theta = 2 * np.pi * np.arange(count) / count
-    law = element.law.normal if isinstance(element.law, MeshContacts) else element.law
-    force: Array = law.force(d, rate * slope, nu * theta)[0]
+    tau = nu * (2 * np.pi * np.arange(count) / count)
+
+    def gap(j: int, order: int = 0) -> Array:
+        return gap_samples(elements[j].displacement, prescribed(j), nu, rows[j], count, order)
+
+    law = elements[index].law
+    if isinstance(law, Component):
+        group = range(index - law.index, index - law.index + law.law.size)
+        d, v = np.array([gap(j) for j in group]), rate * np.array([gap(j, 1) for j in group])
+        component: Array = law.law.force(d, v, tau)[0][law.index]
+        return component
+    law = law.normal if isinstance(law, MeshContacts) else law
+    d = gap(index)
+    force: Array = law.force(d, rate * gap(index, 1), tau)[0]
+    for j, slider, limit in friction_limits(elements) if law.sliders else ():
+        if j == index:
+            normal = gap(limit.normal) if limit.normal >= 0 else None
+            force = force + steady_force(slider, d, np.maximum(limit_at(limit, normal, tau), 0.0))
     return force
