@@ -152,6 +152,27 @@ def integrate_jumps(
     return replace(branch, jump_records=tuple(jumps))
 
 
+def reason_against(branch: Branch) -> str:
+    """Return the reason for which the motions of a branch are not integrated beyond jumps.
+
+    Parameters
+    ----------
+    branch : Branch
+        Branch of periodic motions with its problem.
+
+    Returns
+    -------
+    str
+        Reason in words; empty if they are integrated.
+    """
+    parameters = branch.parameters_at(0)
+    try:
+        ExponentialIntegrator(branch.problem.model_at(parameters), parameters["Omega"])
+    except ValueError as error:
+        return str(error).partition(": use ")[0]
+    return ""
+
+
 def jump_ends(branch: Branch, jump: Jump, settling: SteadyStateSettings = SteadyStateSettings()) -> list[JumpOutcome]:
     """Integrate the motion at a jump from several values beyond it until it settles.
 

@@ -194,6 +194,8 @@ class Report:
         Compared jumps.
     units : Units or None
         Physical units of the tables; None if the model has no scales.
+    note : str
+        Number of jumps that are not compared, and the reason; empty without such jumps.
     """
 
     parameter: str
@@ -203,6 +205,7 @@ class Report:
     complete: bool = True
     jumps: tuple[JumpCheck, ...] = ()
     units: Units | None = None
+    note: str = ""
 
     @property
     def ok(self) -> bool:
@@ -224,6 +227,7 @@ class Report:
             text += f", with H = {H} {rest:.1e}"
         if self.jumps:
             text += f"; {sum(jump.ok for jump in self.jumps)} of {len(self.jumps)} jumps agree"
+        text += f"; {self.note}" if self.note else ""
         return text + ("" if self.complete else "; interrupted")
 
     def table(self, dimensionless: bool = False) -> tuple[list[str], list[list[str]]]:

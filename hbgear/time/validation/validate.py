@@ -47,7 +47,7 @@ from hbgear.harmonic.structure.linear_structure import LinearStructure
 from hbgear.mechanics.series import measures
 from hbgear.mechanics.series.fourier import to_complex
 from hbgear.time.integration import start_state
-from hbgear.time.jump_integration import JumpOutcome, jump_ends, landings_of
+from hbgear.time.jump_integration import JumpOutcome, jump_ends, landings_of, reason_against
 from hbgear.time.runge_kutta import Flow
 from hbgear.time.shooting import Orbit, from_modal, shoot, to_modal
 from hbgear.time.validation.point_selection import choose, problem_for
@@ -109,7 +109,8 @@ def validate(
         Problem of the branch, required if its model is not in the catalogue.
     landing : {"integrate", "nearest"}, optional
         "integrate" compares jumps as well: all jumps of all curves, or with given points those whose labels are given.
-        "nearest" does not compare jumps. Default: "integrate". Jumps of models with friction are not compared.
+        "nearest" does not compare jumps. Default: "integrate". Jumps of models that the exponential method does not
+        integrate, such as those with friction, are not compared; the summary states it.
     others : sequence of Branch, optional
         Further branches in the same parameter on which jumps may land.
     progress : callable, optional
@@ -144,6 +145,9 @@ def validate(
         raise ValueError(f"landing = {landing!r}: choose one of {', '.join(map(repr, LANDINGS))}")
     curves = tuple(dataclasses.replace(curve, problem=problem_for(curve, problem)) for curve in branch.curves)
     selected, selected_jumps = _selected(curves, others, points, landing == "integrate")
+    reason = reason_against(curves[0]) if selected_jumps else ""
+    note = f"jumps not compared ({len(selected_jumps)}): {reason}" if reason else ""
+    selected_jumps = [] if reason else selected_jumps
     rows: list[Check] = []
     jumps: list[JumpCheck] = []
     complete = True
@@ -160,7 +164,7 @@ def validate(
             jumps.append(_check_jump((*curves, *others), number, jump))
     except KeyboardInterrupt:
         complete = False
-    return Report(branch.parameter, tolerance, limit, tuple(rows), complete, tuple(jumps), Units.of(branch))
+    return Report(branch.parameter, tolerance, limit, tuple(rows), complete, tuple(jumps), Units.of(branch), note)
 
 
 def _selected(
@@ -172,7 +176,7 @@ def _selected(
     else:
         counts = [(points + k) // len(curves) for k in reversed(range(len(curves)))]
         selected = [(k, *entry) for k, n in enumerate(counts) if n or not k for entry in choose(curves[k], n)]
-    if not integrable or curves[0].problem.compiled({}).sliders:
+    if not integrable:
         return selected, []
     curve_landings = enumerate(landings((*curves, *others))[: len(curves)])
     jumps = [(k, landing.jump) for k, entries in curve_landings for landing in entries]
