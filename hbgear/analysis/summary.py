@@ -22,7 +22,7 @@ from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point, SpecialPoint
 from hbgear.continuation.results.reliability import special_point_size
 from hbgear.harmonic.bifurcations.events import named
-from hbgear.harmonic.equations.layout import layout_of
+from hbgear.harmonic.equations.layout import STICK_REGIME, layout_of
 from hbgear.harmonic.models import model_registry
 from hbgear.harmonic.models.frequency_units import model_of, speeds_at
 from hbgear.mechanics.fields import defaults_of, kinds_of
@@ -301,9 +301,10 @@ def event_description(branch: Branch, point: SpecialPoint) -> str:
 
 
 def regime_of(point: Point) -> str:
-    """Return the regime of a point as words; "-" if no law has a breakpoint."""
+    """Return the regime of a point as words; "-" if no law has contacts or friction."""
     layout = layout_of(point)
-    has_regimes = layout is None or any(layout.breakpoints)
+    has_friction = bool(point.regime.max(initial=0) >= STICK_REGIME)
+    has_regimes = layout is None or any(layout.breakpoints) or bool(layout.edged) or has_friction
     return point.regime_name.replace("_sided", "-sided").replace("_", " ") if has_regimes else "-"
 
 

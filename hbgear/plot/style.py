@@ -24,7 +24,7 @@ from hbgear.common.text.messages import quoted
 from hbgear.continuation.events.event import Event
 from hbgear.continuation.results.point import SpecialPoint
 from hbgear.harmonic.bifurcations.events import KINDS
-from hbgear.harmonic.equations.layout import REGIMES, STICK_REGIME, Layout
+from hbgear.harmonic.equations.layout import REGIMES, Layout
 from hbgear.harmonic.models.frequency_units import MESH, PINION
 from hbgear.mechanics.series.measures import motion_text
 
@@ -388,7 +388,7 @@ def gap_label(layout: Layout | None, element: int | str) -> str:
 
 
 def regime_of(layout: Layout | None, codes: NDArray[np.int8], element: int | str) -> str:
-    """Return the regime of one element; "unknown" also for a law without breakpoints and friction.
+    """Return the regime of one element; "unknown" also for a law without contacts and friction.
 
     Parameters
     ----------
@@ -405,7 +405,7 @@ def regime_of(layout: Layout | None, codes: NDArray[np.int8], element: int | str
         Name of the regime.
     """
     j = layout.index(element) if layout else 0
-    if len(codes) <= j or codes[j] < 0 or (layout and not layout.breakpoints[j] and codes[j] < STICK_REGIME):
+    if len(codes) <= j or codes[j] < 0 or (layout and not layout.has_regime(j, codes[j])):
         return "unknown"
     return REGIMES[min(codes[j], len(REGIMES) - 1)]
 

@@ -8,6 +8,7 @@ import pytest
 from machines import chain
 
 import hbgear as hb
+from hbgear.analysis.summary import regime_of
 from hbgear.continuation.solvers.newton import solve
 
 ONE = hb.mechanics.Jenkins(k=1.0, limit=0.1)
@@ -173,6 +174,7 @@ def test_a_curve_through_first_slip():
     assert curve.status.complete and set(curve.regimes) == {"stick", "gross_slip"}
     slips = [point for point in curve.special if point.kind == "SL"]
     assert len(slips) == 2 and [point.note for point in slips] == ["x", "x"]
+    assert {regime_of(point) for point in slips} <= {"stick", "gross slip"}
     for point in slips:
         assert abs(curve.problem.threshold_distances("slip", point.X, **point.parameters)[0]) < 1e-10
         # a linear oscillator of stiffness 2 whose amplitude is limit / k

@@ -13,11 +13,13 @@ import scipy
 from scipy.io import mmwrite
 
 import hbgear as hb
+from hbgear.analysis.summary import regime_of
 from hbgear.continuation.solvers.newton import solve
 from hbgear.io.machines.structure_file import read_structure
 from hbgear.mechanics.laws.vector_laws import vector_groups
 from hbgear.mechanics.serialization import from_plain, to_plain
 from hbgear.mechanics.series.fourier import evaluate
+from hbgear.plot.branch_sections import sections
 
 UNIT = np.eye(2)
 
@@ -88,6 +90,8 @@ def test_regimes_of_a_rub_with_weight():
     W = first.parameters["Omega"]  # without contact: a circle about (0, -weight)
     assert abs(0.3 * W**2 / (1 - W**2 + 0.2j * W)) + 0.5 == pytest.approx(1.0, abs=1e-8)
     assert first.note == "highest of seal"
+    drawn = {state[0] for state, _, _ in sections(curve, "seal 2")}  # the colours of a figure
+    assert drawn == set(curve.regimes) and regime_of(first) == "single-sided"
 
 
 @pytest.mark.slow

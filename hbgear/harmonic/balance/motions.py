@@ -28,7 +28,7 @@ from hbgear.harmonic.bifurcations.no_contact import FirstContact
 from hbgear.harmonic.equations import motion
 from hbgear.harmonic.equations.evaluator import Crossings
 from hbgear.harmonic.equations.layout import Layout
-from hbgear.harmonic.equations.thresholds import THRESHOLDS
+from hbgear.harmonic.equations.thresholds import THRESHOLDS, edged_laws
 from hbgear.harmonic.multipliers.floquet import check_modes, floquet_multipliers
 from hbgear.harmonic.stability.verification import verify_multipliers
 from hbgear.harmonic.structure.measured import MeasuredStructure
@@ -59,6 +59,7 @@ class PeriodicMotions(HarmonicEquations):
             breakpoints=tuple(e.law.breakpoints for e in elements),
             labels=dict(self.model.labels),
             orders=None if self.selection is None else tuple(self.orders[1:].tolist()),
+            edged=tuple(j for rows, _, _ in edged_laws(self.compiled({})) for j in rows.tolist()),
         )  # fmt: skip
 
     @property

@@ -56,6 +56,8 @@ class Layout:
         Axis labels by name, such as ``{"Omega": "Ω = ω_mesh / ω_n", "amplitude": "d / b_c"}``.
     orders : tuple of int, optional
         Basis harmonics from 1 that X contains, ascending. Default: all up to H.
+    edged : tuple of int, optional
+        Numbers of the elements of laws of several displacements that have regimes. Default: none.
     """
 
     harmonics: int
@@ -64,6 +66,7 @@ class Layout:
     breakpoints: tuple[tuple[float, ...], ...]
     labels: dict[str, str] = field(default_factory=dict, hash=False)
     orders: tuple[int, ...] | None = None
+    edged: tuple[int, ...] = ()
 
     @property
     def width(self) -> int:
@@ -80,6 +83,10 @@ class Layout:
     def neutral_regime(self) -> int:
         """Regime code of motions that depend on residual slider positions: no slider slips."""
         return STICK_REGIME
+
+    def has_regime(self, j: int, code: int) -> bool:
+        """Return whether a regime code of element j has a meaning: its law has contacts or friction."""
+        return code >= STICK_REGIME or (code >= 0 and bool(self.breakpoints[j] or j in self.edged))
 
     def index(self, element: int | str) -> int:
         """Return the index of an element given by index or name; the KeyError lists the elements."""

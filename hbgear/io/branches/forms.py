@@ -228,7 +228,7 @@ _POINT: dict[str, Form] = {
 
 _FORMS: dict[type, dict[str, Form]] = {
     Layout: {"harmonics": _int(0), "nu": _int(1, 10_000), "elements": _tuple(_TEXT), "breakpoints": _tuple(_FLOATS),
-             "labels": _table(_TEXT), "orders": _optional(_tuple(_int(1)))},
+             "labels": _table(_TEXT), "orders": _optional(_tuple(_int(1))), "edged": _tuple(_int(0))},
     TorusLayout: {"harmonics": _tuple(_int(1, 200), 2), "elements": _tuple(_TEXT), "nu": _int(1, 10_000),
                   "labels": _table(_TEXT), "odd": _FLAG, "dense": _int(1, 100),
                   "band": _optional(_FINITE), "ratio": _FINITE, "half": _optional(_tuple(_int(0, 1), 2))},
