@@ -32,6 +32,7 @@ from hbgear.harmonic.equations.static_state import static_stiffness
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.harmonic.models.frequency_units import scales
 from hbgear.harmonic.structure.linear_structure import dense
+from hbgear.harmonic.structure.massless import mass_basis, massless_modes
 from hbgear.mechanics.laws.laws import Law
 from hbgear.mechanics.laws.vector_laws import Component
 from hbgear.mechanics.models import Model, System
@@ -328,7 +329,8 @@ class _Rotor:
         system.check_matrices()
         self.system, self.n = system, system.n
         W, dampers = system.W, np.array([e.damping for e in system.elements])
-        self.inverse = np.linalg.inv(dense(system.M))
+        M = dense(system.M)
+        self.inverse = mass_basis(M) ** 2 if system.massless else np.linalg.inv(M)
         self.gyroscopic = _gyroscopic(system)
         scaled = None if self.gyroscopic is None else np.abs(self.inverse @ self.gyroscopic[1])
         self.gyroscopic_scale = 0.0 if scaled is None else float(scaled.max())
@@ -336,11 +338,15 @@ class _Rotor:
 
     def modes(self, Omega: float) -> tuple[ComplexArray, ComplexArray, Array]:
         """Return poles (r,) with ascending frequency, mass-scaled unit shapes (n, r) and their whirl (r,)."""
-        system = self.system.at_speed(Omega)
-        K, C = (self.inverse @ (dense(A) + B) for A, B in zip((system.K, system.C), self.element_matrices, strict=True))
-        rate = np.sqrt(np.abs(K).max()) or 1.0  # scales the velocities
-        A = np.block([[np.zeros_like(K), rate * np.eye(self.n)], [-K / rate, -C]])
-        poles, V = scipy.linalg.eig(A)
+        system, unit = self.system.at_speed(Omega), np.eye(self.n)
+        K, C = (dense(A) + B for A, B in zip((system.K, system.C), self.element_matrices, strict=True))
+        if system.massless:
+            poles, V = massless_modes(system, dense(system.M), C, K, unit, unit)[:2]
+        else:
+            K, C = self.inverse @ K, self.inverse @ C
+            rate = np.sqrt(np.abs(K).max()) or 1.0  # scales the velocities
+            A = np.block([[np.zeros_like(K), rate * unit], [-K / rate, -C]])
+            poles, V = scipy.linalg.eig(A)
         oscillating = np.flatnonzero(poles.imag > _MIN_OSCILLATION_RATIO * np.abs(poles).max(initial=0.0))
         oscillating = oscillating[np.argsort(poles[oscillating].imag, kind="stable")]
         whirl = self._whirl(V[: self.n, oscillating])

@@ -47,6 +47,31 @@ def test_maxwell_element_is_its_complex_stiffness():
         assert G[0, 0] == pytest.approx(1 / (1 - w**2 + 0.02j * w + structure.kr[0] + stiffness), rel=1e-12)
 
 
+def test_a_campbell_diagram_has_the_roots_of_the_characteristic_polynomial():
+    """A Maxwell element on a mass that turns, and a node without mass and damper between two springs.
+
+    (s^2 + c0 s + k0 + k) (c s + k) = k^2 without gyroscopic terms; with them both whirls have (.. -+ i g Omega s).
+    """
+    k0, k, c0, c, g = 1.0, 1.5, 0.05, 0.6, 0.4
+    one, zero = np.eye(2), np.zeros((2, 2))
+    M, C = np.block([[one, zero], [zero, zero]]), np.block([[c0 * one, zero], [zero, c * one]])
+    K = np.block([[(k0 + k) * one, -k * one], [-k * one, k * one]])
+    G = np.zeros((4, 4))
+    G[0, 1], G[1, 0] = g, -g
+    stop = hb.Element([1.0, 0.0, 0.0, 0.0], hb.Unilateral(k=1.0, gap=1.0), name="stop")
+    rotor = hb.System(M, C, K, [stop], speed=hb.mechanics.SpeedTerms(G))
+    found = hb.analysis.campbell(rotor, (0.5, 2.0), {"shaft": 1.0}, points=4)
+    for i, Omega in enumerate(found.Omega.tolist()):
+        roots = [np.roots(np.polysub(np.polymul([1, c0 + sign * 1j * g * Omega, k0 + k], [c, k]), [k**2]))
+                 for sign in (1, -1)]  # fmt: skip
+        expected = np.concatenate(roots)
+        expected = np.sort(expected[expected.imag > 1e-6].imag)
+        np.testing.assert_allclose(np.sort(found.frequencies[i]), expected, rtol=1e-12)
+    node = hb.System([[1.0, 0.0], [0.0, 0.0]], None, [[1.0, -1.0], [-1.0, 4.0]], [hb.Element([1.0, 0.0], stop.law)])
+    frequencies = hb.analysis.campbell(node, (0.5, 2.0), points=2).frequencies
+    np.testing.assert_allclose(frequencies, np.full((2, 1), np.sqrt(1.0 - 1.0 / 4.0)), rtol=1e-12)
+
+
 @pytest.mark.parametrize("direction", [(1.0, 0.0), (0.0, 1.0), (1.0, -1.0)])
 def test_multipliers_are_the_limit_of_small_masses(direction):
     problem, X = motion(maxwell(direction=direction))
