@@ -134,6 +134,31 @@ def test_another_mesh_is_refused(loaded):
         hb.analysis.tooth_loads(hb.trace(problem, "Omega", (1.5, 1.49))[0], mesh)
 
 
+def test_contacts_of_helical_teeth_with_relief_do_not_depend_on_the_backlash():
+    """The fits of the gaps of their slices did, so that the loads of these teeth were refused."""
+    gears = [
+        hb.gears.Gear(z, "2.5 mm", "40 mm", helix_angle=beta, tip_relief="15 um")
+        for z, beta in ((25, "15 deg"), (63, "-15 deg"))
+    ]
+    contacts = [
+        hb.gears.tooth_mesh(hb.GearPair(*gears, backlash=backlash), 300.0).contacts(1.0)
+        for backlash in (None, "100 um")
+    ]
+    assert contacts[0] == contacts[1]
+
+
+def test_loads_of_a_changed_drawing():
+    """In the units of another design the forces [N] are the same; teeth in contact do not notice the backlash."""
+    found = []
+    for change in ({}, {"backlash": 100.0}, {"torque": 200.5}):
+        model = hb.gears.DrawnPair(pair(), 200.0, 0.04).replace(**change)
+        curve = hb.trace(hb.HarmonicBalance(model, 8), "Omega", (1.2, 1.19), stability=False, special=False)
+        found.append(hb.analysis.tooth_loads(curve[0], hb.gears.tooth_mesh(model.pair, model.torque)))
+    assert found[1].force.max() == pytest.approx(found[0].force.max(), rel=1e-9)
+    assert found[1].root_stress.max() == pytest.approx(found[0].root_stress.max(), rel=1e-9)
+    assert found[2].force_factor == pytest.approx(found[0].force_factor, rel=2e-3)
+
+
 def test_harris_map_is_the_static_state_of_the_tooth_resolved_mesh():
     """At the torque of the mesh both have the same compliance of the contacts; the best torque is in between."""
     gears, torques = pair(), (50.0, 120.0, 200.0)

@@ -32,6 +32,9 @@ from hbgear.mechanics.laws.mesh_contacts import MeshContacts
 from hbgear.mechanics.series.fourier import evaluate
 from hbgear.mechanics.series.piecewise_polynomial import TURN
 
+COMPARED_PHASES, UNIT_ROUNDING = 256, 1e-9
+"""Phases at which the contacts of a model are compared with a mesh, and their largest difference by rounding."""
+
 
 @dataclass(frozen=True, eq=False)
 class ToothLoads:
@@ -155,20 +158,23 @@ def tooth_loads(point: Point, mesh: ToothMesh, element: int | str = 0) -> ToothL
     model = point.problem.model.at(point.parameters)
     model = getattr(model, "equations", model)
     law, order = model.system().elements[index].law, getattr(model, "mesh_order", 1)
-    b, contacts = mesh.pair.half_backlash, mesh.contacts(1.0)
+    b, contacts, scales = mesh.pair.half_backlash, mesh.contacts(1.0), model.scales
+    length, force = (b, mesh.stiffness * b) if scales is None else (scales.length, scales.force)
+    scaled = contacts.scaled(mesh.stiffness * length / force, 1 / length).widened(b / length)
     if (
         not isinstance(law, MeshContacts)
         or order % contacts.meshes
-        or law.normal != contacts_in_order(contacts, order).scaled(1.0, 1 / b).widened(getattr(model, "b", 1.0))
+        or not _are_equal(law.normal, contacts_in_order(scaled, order))
     ):
         raise ValueError(
             f"tooth_loads: the element {quoted(layout.elements[index])} has not the contacts of this mesh; give the "
             'tooth_mesh of the same pair and torque as the model, and build the model with mesh="teeth"'
         )
+
     row, meshes = point.coefficients(index), layout.nu * order
 
     def displacement(side: int, t: Array) -> Array:
-        x: Array = side * b * evaluate(row, TURN * t / meshes)
+        x: Array = side * length * evaluate(row, TURN * t / meshes)
         return x
 
     side_forces = {side: pair_forces(
@@ -180,6 +186,18 @@ def tooth_loads(point: Point, mesh: ToothMesh, element: int | str = 0) -> ToothL
     static = pair_forces(flanks, lambda t: np.interp(t, phase, delta, period=1.0), 1, b)
     stress, static_stress = (root_stress(mesh, forces, side) for forces in (side_forces[side], static))
     return ToothLoads(side_forces[side], static, stress, static_stress, side)
+
+
+def _are_equal(first: MeshContacts, second: MeshContacts) -> bool:
+    """Return whether contacts are equal but for the rounding of their units, at some phases."""
+    if [contact.side for contact in first.contacts] != [contact.side for contact in second.contacts]:
+        return False
+    phases = TURN * (np.arange(COMPARED_PHASES) + 0.3) / COMPARED_PHASES
+    return all(
+        np.allclose(one(phases), other(phases), rtol=UNIT_ROUNDING, atol=UNIT_ROUNDING)
+        for pair in zip(first.contacts, second.contacts, strict=True)
+        for one, other in zip(*((contact.stiffness, contact.level) for contact in pair), strict=True)
+    )
 
 
 def _loaded(flanks: Sequence[Flank], side: int) -> list[Flank]:

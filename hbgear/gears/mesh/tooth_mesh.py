@@ -62,7 +62,8 @@ SECTION_POINTS = 65
 """Points at which each smooth section of the path is computed before it is fitted by cubics."""
 
 CUBIC_FIT_TOLERANCE = 1e-5
-"""Largest fit error: of the stiffness relative to its largest value, of the gap relative to the half backlash."""
+"""Largest fit error: of the stiffness relative to its largest value, of the gap relative to the static displacement.
+The backlash has no effect, so that the contacts of a model and those of `tooth_mesh` are equal."""
 
 ONE_SIDED = 1e-8
 """Distance [mesh periods] from the end of a section at which its values are computed, because the load jumps there."""
@@ -206,7 +207,7 @@ class _Path:
     """Stiffness and gap over the path of contact of the slices of a pair of teeth.
 
     Positions are in mesh periods from the beginning of the path. ``centre`` is the position at which the tooth of the
-    pinion lies on the line of centres, ``lag`` the delay of each slice.
+    pinion lies on the line of centres, ``lag`` the delay of each slice, ``displacement`` the mean static one [m].
     """
 
     def __init__(self, pair: GearPair, force: float, slices: int) -> None:
@@ -218,8 +219,9 @@ class _Path:
         self.lag = (pair.overlap_ratio * (self.z + 0.5)).tolist()
         self.centre = tooth_centre(pair)
         phase, side = cycle_phases(pair, STATIC_PHASES)
-        self.loads = static_equilibrium(pair, possible_contacts(pair, phase, side, slices), force)[2]
-        self.loads = self.loads.reshape(len(phase), -1, slices)
+        delta, _, loads = static_equilibrium(pair, possible_contacts(pair, phase, side, slices), force)
+        self.displacement = float(delta.mean())
+        self.loads = loads.reshape(len(phase), -1, slices)
         self.phase = phase
 
     def check_sharing(self) -> None:
@@ -255,7 +257,7 @@ class _Path:
         largest = max(float(k.max()) for k in stiffness)
         return (
             PathFunction.fitted(nodes, stiffness, CUBIC_FIT_TOLERANCE * largest),
-            PathFunction.fitted(nodes, gap, CUBIC_FIT_TOLERANCE * max(self.pair.half_backlash, 1e-7)),
+            PathFunction.fitted(nodes, gap, CUBIC_FIT_TOLERANCE * self.displacement),
         )
 
     def _cuts(self) -> Array:
