@@ -13,7 +13,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from math import cos
 
 import numpy as np
@@ -21,16 +20,20 @@ import numpy as np
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.text.messages import quoted
+from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point
 from hbgear.gears.drawing.root_stress import root_factors
 from hbgear.gears.mesh.mesh_excitation import contacts_in_order
 from hbgear.gears.mesh.tooth_contacts import Flank
-from hbgear.gears.mesh.tooth_forces import PairForces, pair_forces, static_displacement
+from hbgear.gears.mesh.tooth_forces import STEPS_PER_MESH, PairForces, pair_forces, static_displacement
 from hbgear.gears.mesh.tooth_mesh import ToothMesh, tooth_centre
 from hbgear.harmonic.equations.layout import layout_of
 from hbgear.mechanics.laws.mesh_contacts import MeshContacts
 from hbgear.mechanics.series.fourier import evaluate
 from hbgear.mechanics.series.piecewise_polynomial import TURN
+
+COARSE_STEPS = 32
+"""Positions per mesh period of estimates of the largest loads."""
 
 COMPARED_PHASES, UNIT_ROUNDING = 256, 1e-9
 """Phases at which the contacts of a model are compared with a mesh, and their largest difference by rounding."""
@@ -151,41 +154,80 @@ def tooth_loads(point: Point, mesh: ToothMesh, element: int | str = 0) -> ToothL
     >>> round(loads.force_factor, 2), loads.separated.tolist()
     (0.71, [0.0])
     """
-    layout = layout_of(point)
-    if layout is None or point.problem is None or point.problem.model is None:
-        raise ValueError("tooth_loads: the point has no model; give a point of a traced branch of a HarmonicBalance")
-    index = layout.index(element)
-    model = point.problem.model.at(point.parameters)
-    model = getattr(model, "equations", model)
-    law, order = model.system().elements[index].law, getattr(model, "mesh_order", 1)
-    b, contacts, scales = mesh.pair.half_backlash, mesh.contacts(1.0), model.scales
-    length, force = (b, mesh.stiffness * b) if scales is None else (scales.length, scales.force)
-    scaled = contacts.scaled(mesh.stiffness * length / force, 1 / length).widened(b / length)
-    if (
-        not isinstance(law, MeshContacts)
-        or order % contacts.meshes
-        or not _are_equal(law.normal, contacts_in_order(scaled, order))
-    ):
-        raise ValueError(
-            f"tooth_loads: the element {quoted(layout.elements[index])} has not the contacts of this mesh; give the "
-            'tooth_mesh of the same pair and torque as the model, and build the model with mesh="teeth"'
-        )
-
-    row, meshes = point.coefficients(index), layout.nu * order
-
-    def displacement(side: int, t: Array) -> Array:
-        x: Array = side * length * evaluate(row, TURN * t / meshes)
-        return x
-
-    side_forces = {side: pair_forces(
-        _loaded(mesh.flanks_with_errors(meshes), side), partial(displacement, side), meshes, b
-    ) for side in (1, -1)}  # fmt: skip
+    motion = _Motion(point, mesh, element)
+    side_forces = {side: motion.forces(point, side) for side in (1, -1)}
     side = 1 if side_forces[1].drive.sum() >= side_forces[-1].drive.sum() else -1
-    flanks = _loaded(mesh.flanks, side)
+    b, flanks = mesh.pair.half_backlash, _loaded(mesh.flanks, side)
     phase, delta = static_displacement(flanks, mesh.force, b)
     static = pair_forces(flanks, lambda t: np.interp(t, phase, delta, period=1.0), 1, b)
     stress, static_stress = (root_stress(mesh, forces, side) for forces in (side_forces[side], static))
     return ToothLoads(side_forces[side], static, stress, static_stress, side)
+
+
+def load_estimates(branch: Branch, numbers: Sequence[int], mesh: ToothMesh, side: int) -> Array:
+    """Return the largest loads of the first element at few positions, to select motions for `tooth_loads`.
+
+    Parameters
+    ----------
+    branch : Branch
+        Branch along which the mesh does not change.
+    numbers : sequence of int
+        Numbers of its points, at least one.
+    mesh : ToothMesh
+        The mesh.
+    side : {1, -1}
+        Loaded flanks, -1 for the back flanks.
+
+    Returns
+    -------
+    ndarray, shape (len(numbers), 3)
+        Largest force of a pair [N] and root stress of pinion and wheel [N/m^2]; nan for a ring gear.
+    """
+    motion, out = _Motion(branch[numbers[0]], mesh, 0), []
+    for i in numbers:
+        forces = motion.forces(branch[i], side, COARSE_STEPS)
+        out.append([forces.force.max(), *root_stress(mesh, forces, side).max(axis=(1, 2))])
+    return np.array(out)
+
+
+class _Motion:
+    """Displacement of an element that has the contacts of a mesh, in metres over the time in mesh periods."""
+
+    def __init__(self, point: Point, mesh: ToothMesh, element: int | str) -> None:
+        layout = layout_of(point)
+        if layout is None or point.problem is None or point.problem.model is None:
+            raise ValueError(
+                "tooth_loads: the point has no model; give a point of a traced branch of a HarmonicBalance"
+            )
+        model = point.problem.model.at(point.parameters)
+        model = getattr(model, "equations", model)
+        self.mesh, self.index, scales = mesh, layout.index(element), model.scales
+        law, order = model.system().elements[self.index].law, getattr(model, "mesh_order", 1)
+        b, contacts = mesh.pair.half_backlash, mesh.contacts(1.0)
+        length = b if scales is None else scales.length
+        stiffness = 1.0 if scales is None else mesh.stiffness * length / scales.force
+        self.length, self.meshes = length, layout.nu * order
+        scaled = contacts.scaled(stiffness, 1 / length).widened(b / length)
+        if (
+            not isinstance(law, MeshContacts)
+            or order % contacts.meshes
+            or not _are_equal(law.normal, contacts_in_order(scaled, order))
+        ):
+            raise ValueError(
+                f"tooth_loads: the element {quoted(layout.elements[self.index])} has not the contacts of this mesh; "
+                'give the tooth_mesh of the same pair and torque as the model, and build the model with mesh="teeth"'
+            )
+
+    def forces(self, point: Point, side: int, steps: int = STEPS_PER_MESH) -> PairForces:
+        """Return the forces at a point; the flanks of a side are the driving ones."""
+        row = side * self.length * point.coefficients(self.index)
+
+        def displacement(t: Array) -> Array:
+            x: Array = evaluate(row, TURN * t / self.meshes)
+            return x
+
+        flanks = _loaded(self.mesh.flanks_with_errors(self.meshes), side)
+        return pair_forces(flanks, displacement, self.meshes, self.mesh.pair.half_backlash, steps)
 
 
 def _are_equal(first: MeshContacts, second: MeshContacts) -> bool:

@@ -9,8 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import hbgear as hb
+from hbgear.analysis.loads.tooth_loads import load_estimates
 from hbgear.cli.machine_report.assumptions import bounded_inside
+from hbgear.cli.machine_report.peaks import stable_or_limit
 from hbgear.cli.machine_report.speed_ranges import scales_of
+from hbgear.common.text.digits import rounded
 
 if TYPE_CHECKING:
     from hbgear.gears import DrawnPair
@@ -66,49 +69,58 @@ def mesh(machine: Machine, cycle: hb.gears.MeshCycle, model: DrawnPair) -> Itera
            f"{float(scales.pinion_speed(1 / model.mesh_order)):.0f} r/min of the pinion"]  # fmt: skip
 
 
-LOAD_CANDIDATES = 5
-"""Points with the largest amplitudes of each curve at which the loads of the teeth are computed."""
+LOAD_CANDIDATES = 3
+"""Motions of each curve with the largest estimates of the force and of each root stress, whose loads are computed."""
 
 
-def largest_motions(curve: hb.Branch) -> list[hb.Point]:
-    """Return the stable points with the largest amplitudes of a curve and of each of its others.
+def largest_motions(curve: hb.Branch, mesh: hb.gears.ToothMesh, side: int) -> list[hb.Point]:
+    """Return the stable points with the largest loads of a pair of teeth on a curve and on each of its others.
 
     A part that goes to infinity is left out, because its largest motion is where the curve ends.
     """
     points = []
     for branch in curve.curves:
-        size = branch.amplitude("max") * (branch.stable if branch.stable is not None else 1.0)
-        largest = sorted(bounded_inside(branch, None), key=lambda i: size[i])[-LOAD_CANDIDATES:]
-        points += [branch[i] for i in largest]
+        stable = stable_or_limit(branch)
+        numbers = [i for i in bounded_inside(branch, None) if stable[i]]
+        if numbers:
+            order = np.argsort(load_estimates(branch, numbers, mesh, side), axis=0)[-LOAD_CANDIDATES:]
+            points += [branch[numbers[i]] for i in np.unique(order)]
     return points
 
 
 def teeth(machine: Machine, model: hb.mechanics.Model, curve: hb.Branch) -> Iterator[list[str]]:
     """Yield the largest loads of a pair of teeth on stable motions."""
     tooth_mesh, scales = hb.gears.tooth_mesh(machine.pair, machine.mesh_torque), scales_of(model)
-    candidates = [(hb.analysis.tooth_loads(point, tooth_mesh), point) for point in largest_motions(curve)]
-    loads, point = max(candidates, key=lambda entry: entry[0].force_factor)
+    points = largest_motions(curve, tooth_mesh, 1 if machine.torque >= 0 else -1)
+    if not points:
+        yield ["largest force of a pair", "- (no stable motion)"]
+        return
+    candidates = [(hb.analysis.tooth_loads(point, tooth_mesh), point) for point in points]
+
+    def speed_of(point: hb.Point) -> str:
+        return f"{float(scales.pinion_speed(point.parameters['Omega'])):.0f} r/min"
+
+    loads, point = max(candidates, key=lambda entry: float(entry[0].force.max()))
     number, position = loads.largest
-    speed = float(scales.pinion_speed(point.parameters["Omega"]))
-    yield ["largest force of a pair", f"{loads.force.max():.0f} N, {loads.force_factor:.2f} times the static force of "
-           f"{loads.static.force.max():.0f} N, at {speed:.0f} r/min"]  # fmt: skip
+    force, static = (rounded(float(forces.force.max()), 4) for forces in (loads.forces, loads.static))
+    yield ["largest force of a pair", f"{force} N, {loads.force_factor:.2f} times the static force of {static} N, at "
+           f"{speed_of(point)}"]  # fmt: skip
+    pairs = len(loads.force)
+    pair_text = "every pair" if pairs == 1 else f"pair {number + 1} of {pairs} that follow each other"
+    yield ["it acts on", f"{pair_text}, {position:.2f} mesh periods after the pair enters contact"]
+    other_flank = "back" if loads.side > 0 else "driving"
+    back = "none" if not loads.back.any() else f"{rounded(float(loads.back.max()), 4)} N at most"
+    yield ["separated, at this speed", f"{loads.separated.max():.0%} of the path of contact; contact on the "
+           f"{other_flank} flank: {back}"]  # fmt: skip
+    for i, name in enumerate(("pinion", "wheel")):
+        if np.isfinite(loads.root_factor[i]):
+            most, point = max(candidates, key=lambda entry: float(entry[0].root_stress[i].max()))
+            yield [f"largest root stress, {name}", f"{most.root_stress[i].max() / 1e6:.1f} N/mm^2 (ISO 6336-3, "
+                   f"nominal), {most.root_factor[i]:.2f} times the static one, at {speed_of(point)}"]  # fmt: skip
     limits = {float(scales.pinion_speed(x)) for branch in curve.curves for x in branch.asymptotes.values()}
     if limits:
         speeds = " and ".join(f"{limit:.0f}" for limit in sorted(limits))
         yield ["not included", f"motions that grow without bound near {speeds} r/min"]
-    pairs = len(loads.force)
-    pair_text = "every pair" if pairs == 1 else f"pair {number + 1} of {pairs} that follow each other"
-    yield ["it acts on", f"{pair_text}, {position:.2f} mesh periods after the pair enters contact"]
-    for name, stress, factor in zip(("pinion", "wheel"), loads.root_stress, loads.root_factor, strict=True):
-        if np.isfinite(factor):
-            yield [f"largest root stress, {name}", f"{stress.max() / 1e6:.1f} N/mm^2 (ISO 6336-3, nominal), "
-                   f"{factor:.2f} times the static one"]  # fmt: skip
-    other_flank = "back" if loads.side > 0 else "driving"
-    back = "none" if not loads.back.any() else f"{loads.back.max():.0f} N at most"
-    yield [
-        "separated",
-        f"{loads.separated.max():.0%} of the path of contact; contact on the {other_flank} flank: {back}",
-    ]
 
 
 def losses(machine: Machine, curve: hb.Branch) -> Iterator[list[str]]:

@@ -54,7 +54,7 @@ class PairForces:
     @property
     def total(self) -> Array:
         """Sum of the forces on the driving flanks of all pairs at the same times, shape (M, P)."""
-        return _total(self.force)
+        return _total(self.force, round(1 / float(self.position[1] - self.position[0])))
 
     @property
     def share(self) -> Array:
@@ -63,14 +63,14 @@ class PairForces:
         return np.divide(self.force, total, out=np.zeros_like(total), where=total > 0)
 
 
-def _total(force: Array) -> Array:
+def _total(force: Array, steps: int) -> Array:
     """Return the sum over all pairs at the same times; a step of M periods is the same time."""
     pairs, count = force.shape
-    turns = -(-count // STEPS_PER_MESH)
-    padded = np.zeros((pairs, turns * STEPS_PER_MESH))
+    turns = -(-count // steps)
+    padded = np.zeros((pairs, turns * steps))
     padded[:, :count] = force
-    by_turn = padded.reshape(pairs, turns, STEPS_PER_MESH)
-    at_time = np.zeros((pairs, STEPS_PER_MESH))
+    by_turn = padded.reshape(pairs, turns, steps)
+    at_time = np.zeros((pairs, steps))
     for p in range(pairs):
         for turn in range(turns):
             at_time[(p + turn) % pairs] += by_turn[p, turn]
@@ -79,8 +79,9 @@ def _total(force: Array) -> Array:
 
 
 def pair_forces(
-    flanks: Sequence[Flank], displacement: Callable[[Array], Array], pairs: int, half_backlash: float = 0.0
-) -> PairForces:
+    flanks: Sequence[Flank], displacement: Callable[[Array], Array], pairs: int, half_backlash: float = 0.0,
+    steps: int = STEPS_PER_MESH,
+) -> PairForces:  # fmt: skip
     """Compute the forces on successive pairs of teeth; see the equations in the module header.
 
     Parameters
@@ -93,6 +94,8 @@ def pair_forces(
         Number of pairs that enter contact within a period of the motion.
     half_backlash : float, default 0.0
         Half backlash that is added to the gaps of both flanks, in the unit of the displacement.
+    steps : int, default `STEPS_PER_MESH`
+        Positions per mesh period.
 
     Returns
     -------
@@ -101,7 +104,7 @@ def pair_forces(
     """
     first = min(floor(flank.stiffness.nodes[0] + flank.lag) for flank in flanks)
     last = max(ceil(flank.stiffness.length + flank.lag) for flank in flanks)
-    u = first + np.arange((last - first) * STEPS_PER_MESH) / STEPS_PER_MESH
+    u = first + np.arange((last - first) * steps) / steps
     x = np.array([displacement(p + u) for p in range(pairs)])
     drive, back = (
         np.array([_force(flank, u, x, half_backlash) for flank in flanks if flank.side == side]) for side in (1, -1)
