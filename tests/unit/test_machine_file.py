@@ -3,6 +3,7 @@
 import dataclasses
 import re
 import tomllib
+import warnings
 
 import numpy as np
 import pytest
@@ -35,8 +36,9 @@ tilt = "5e5 N m/rad"
 DRAWING = ["--z", "25,40", "--module", "3mm", "--width", "20mm", "--torque", "200Nm", "--backlash", "80um"]
 
 
-def pair(**fields):
-    return hb.GearPair(*(hb.gears.Gear(z, "3 mm", "20 mm", **fields) for z in (25, 40)), backlash="80 um")
+def pair(pitch_error=0.0, **fields):
+    gears = (hb.gears.Gear(z, "3 mm", "20 mm", **fields) for z in (25, 40))
+    return hb.GearPair(*gears, backlash="80 um", pitch_error=pitch_error)
 
 
 @pytest.fixture
@@ -215,6 +217,26 @@ def test_gear_reports_the_requested_quantities(run, tmp_path):
     assert [float(x) for x in re.findall(r"^ +(?:\d:)?LP\d +(\d+\.?\d*)", out, re.M)] == pytest.approx(speeds, rel=8e-5)
     lighter = next(x for x in out.splitlines() if "inertia 20 % less" in x)
     assert f"{max(speeds) / 0.8**0.5:.0f}+" in lighter  # speeds go with the root of stiffness over mass
+
+
+def test_suggested_relief_has_the_size_of_the_deflection():
+    """It was 10 um for all modules. Similar gears with ten times the size and a hundred times the force are equal.
+
+    The warning of relief that is too large for the load names a pitch error if there is no relief.
+    """
+    from hbgear.cli.machine_report.assumptions import alternatives, without_relief_warning
+
+    for size, relief in ((1, "10 um"), (10, "100 um"), (0.1, "1 um")):
+        gears = (hb.gears.Gear(z, 3e-3 * size, 20e-3 * size) for z in (25, 40))
+        model = hb.gears.DrawnPair(hb.GearPair(*gears, backlash=80e-6 * size), 200.0 * size**3, 0.04)
+        found = dict(alternatives(model))
+        changed = found[f"no tip relief: {relief}"]()
+        assert changed.pair.pinion.tip_relief == changed.pair.wheel.tip_relief == pytest.approx(10e-6 * size)
+        with without_relief_warning(), warnings.catch_warnings(record=True) as raised:
+            _ = [model().equations for model in found.values()]
+        assert not raised
+    with pytest.warns(hb.mechanics.ImplausibleInputWarning, match="the pitch error leaves a contact ratio of 1.0"):
+        hb.gears.tooth_mesh(pair(pitch_error="30 um"), 20.0)
 
 
 @pytest.mark.slow

@@ -25,13 +25,14 @@ from hbgear.cli import options
 from hbgear.cli.machine_report import gear_tables
 from hbgear.cli.machine_report.assumptions import (
     JUMPS,
-    MEASURES,
+    NO_RELIEF,
     alternative_results,
     alternatives,
     factor_and_jumps,
     print_assumptions,
     show_assumptions,
     with_default_span,
+    without_relief_warning,
 )
 from hbgear.cli.machine_report.peaks import refined_peak, stable_or_limit
 from hbgear.cli.machine_report.speed_ranges import clipped
@@ -309,7 +310,7 @@ def _trace_and_report(
     if model.mesh_order == 1:  # otherwise each curve takes minutes
         works = [partial(subharmonics, model, curve, count)]
         works += [partial(alternative, assumption) for assumption in alternatives(model, by_default)]
-    with begun(lambda work, stop: work(stop), works) as results, outputs() as out:
+    with without_relief_warning(), begun(lambda work, stop: work(stop), works) as results, outputs() as out:
         out.write(output, lambda path: write_machine(machine, path, ("A gear pair; see hbgear trace, hbgear speed.",)))
         out.figure(plot, methodcaller("drive", cycle, curve))
         print_table(["gears", "pinion", "wheel"], list(gear_tables.gears(machine.pair)))
@@ -328,7 +329,8 @@ def _trace_and_report(
         show_subharmonics(doubled)
         first[0] = "as computed"
         print_assumptions([first, *(row for row in computed if row not in damping)])
-        helpful = [(MEASURES[row[0]], _number_in(row[1])) for row in computed if row[0] in MEASURES]
+        reliefs = [row for row in computed if row[0].startswith(NO_RELIEF)]
+        helpful = [(f"tip relief of {row[0].partition(': ')[2]} on both gears", _number_in(row[1])) for row in reliefs]
         print_text(recommendation(model, curve, helpful, _number_in(first[1]), other_ranges))
         if not works:
             print_text("With torque orders, run-out or pitch errors of single teeth, other assumptions and motions of "

@@ -1,13 +1,16 @@
 """Assumptions of the model of a gear pair: the effect of other values on jumps and on the largest dynamic factor.
 
 A table shows the curve as computed and with each alternative: other damping, pitch errors of an accuracy grade, tip
-relief, inertia, and other models of the mesh. The alternatives are computed in threads.
+relief of the size of the static deflection, inertia, and other models of the mesh. The alternatives are computed in
+threads.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import warnings
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
 from threading import Event
 from typing import TYPE_CHECKING, Any
@@ -17,7 +20,7 @@ import numpy as np
 import hbgear as hb
 from hbgear.analysis.quantities.engineering_quantities import element_force, problem_along
 from hbgear.cli.machine_report.speed_ranges import is_shown, scales_of
-from hbgear.cli.machine_report.speeds import ACCURACY_GRADE, is_unbounded
+from hbgear.cli.machine_report.speeds import ACCURACY_GRADE, is_unbounded, mesh_torque
 from hbgear.cli.output import print_table
 from hbgear.common.process.threads import begun
 from hbgear.common.text.digits import rounded
@@ -36,11 +39,16 @@ steps; factors changed by 0.5 % at most, and half of the points remain."""
 JUMPS = "jumps at r/min, speed increasing (+) or decreasing (-)"
 """Header of the column of jumps."""
 
-NO_RELIEF = "no tip relief: 10 um"
-"""Name of the alternative with tip relief."""
+NO_RELIEF = "no tip relief"
+"""Name of the alternative with tip relief, before its size."""
 
-MEASURES = {NO_RELIEF: "tip relief of 10 um on both gears"}
-"""Changes of the design among the alternatives, by the name of the alternative."""
+
+@contextmanager
+def without_relief_warning() -> Iterator[None]:
+    """Suppress the warning of too much relief or pitch error for the load, of which alternatives have more."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "GearPair: under the mesh force", hb.mechanics.ImplausibleInputWarning)
+        yield
 
 
 def until(stop: Event) -> Callable[[hb.continuation.Progress], None]:
@@ -123,8 +131,9 @@ def alternatives(model: DrawnPair, by_default: bool = False) -> Iterator[tuple[s
     if model.cycle is None and not pair.pitch_error:
         yield f"no pitch error: {pitch * 1e6:.3g} um (grade {ACCURACY_GRADE})", with_pair_changes(pitch_error=pitch)
     if model.cycle is None and not pair.pinion.tip_relief:
-        relieved = {name: dataclasses.replace(getattr(pair, name), tip_relief=10e-6) for name in ("pinion", "wheel")}
-        yield NO_RELIEF, with_pair_changes(**relieved)
+        relief = _relief_for_load(model)
+        relieved = {name: dataclasses.replace(getattr(pair, name), tip_relief=relief) for name in ("pinion", "wheel")}
+        yield f"{NO_RELIEF}: {relief * 1e6:g} um", with_pair_changes(**relieved)
     lighter = {name: _lighter(getattr(pair, name), 0.8) for name in ("pinion", "wheel")}
     solid = pair.pinion.inertia is None and pair.wheel.inertia is None
     yield (
@@ -135,6 +144,14 @@ def alternatives(model: DrawnPair, by_default: bool = False) -> Iterator[tuple[s
     for name in MESHES if model.cycle is None and not model.friction else ():  # the mean-mesh models have no friction
         if name != current:
             yield f"{_MESH_WORDS[current]}: {_MESH_WORDS[name]}", with_changes(mesh=name)
+
+
+def _relief_for_load(model: DrawnPair) -> float:
+    """Return the static deflection of the teeth of a pair in contact, with one digit [m]."""
+    from hbgear.gears.mesh.tooth_mesh import tooth_mesh
+
+    mesh = tooth_mesh(model.pair, mesh_torque(model))
+    return float(f"{mesh.force / mesh.stiffness:.0e}")
 
 
 def _lighter(gear: hb.gears.Gear, factor: float) -> hb.gears.Gear:
@@ -163,7 +180,7 @@ def show_assumptions(model: DrawnPair, curve: hb.Branch, count: int | str, shown
         name, changed = assumption
         return [name, *alternative_results(changed().equations, model.equations, curve, count, stop, shown)]
 
-    with begun(row, [*alternatives(model)]) as results:
+    with without_relief_warning(), begun(row, [*alternatives(model)]) as results:
         rows = [["as computed", *factor_and_jumps(model, curve, shown)], *(future.result() for future in results)]
     print_assumptions(rows)
 

@@ -225,7 +225,7 @@ class _Path:
         self.phase = phase
 
     def check_sharing(self) -> None:
-        """Warn if relief leaves less than a part of the contact ratio of spur teeth under the static load."""
+        """Warn if relief or pitch error leaves less than a part of the contact ratio of loaded spur teeth."""
         loaded = self.loads.sum(axis=2) > 0
         ratio = float(np.mean(loaded.sum(axis=1)))
         if self.pair.overlap_ratio or ratio - 1 >= MIN_SHARED_PART * (self.length - 1):
@@ -235,10 +235,12 @@ class _Path:
             np.hypot(self.pair.path[0] + x * self.pair.base_pitch, self.pair.base_radii[0])
             for x in (position.min(), min(position.max(), self.length))
         ]
+        has_relief = self.pair.pinion.tip_relief or self.pair.wheel.tip_relief
+        cause, remedy = ("relief", "the relief or its length") if has_relief else ("pitch error", "it")
         warn(
-            f"GearPair: under the mesh force of {self.force:.4g} N the relief leaves a contact ratio of {ratio:.3f} of "
-            f"{self.length:.3f}: a pair of teeth carries load only on diameters {2e3 * radii[0]:.4f} to "
-            f"{2e3 * radii[1]:.4f} mm of the pinion; reduce the relief or its length, or increase the torque"
+            f"GearPair: under the mesh force of {self.force:.4g} N the {cause} leaves a contact ratio of {ratio:.3f} "
+            f"of {self.length:.3f}: a pair of teeth carries load only on diameters {2e3 * radii[0]:.4f} to "
+            f"{2e3 * radii[1]:.4f} mm of the pinion; reduce {remedy}, or increase the torque"
         )
 
     def slice(self, number: int, factor: float) -> tuple[PathFunction, PathFunction]:
