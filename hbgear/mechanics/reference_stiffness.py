@@ -125,7 +125,7 @@ def secant(law: Law, force: float, length: float) -> float:
 
 
 def bend(law: Law, stiffness: float) -> float:
-    """Return the smallest |d| at which dp/dd has changed by a stiffness; 0 if it changes by less everywhere.
+    """Return the smallest |d| at which dp/dd has changed by a stiffness; 0 if it changes nowhere, or jumps at d = 0.
 
     Parameters
     ----------
@@ -149,7 +149,7 @@ def bend(law: Law, stiffness: float) -> float:
     slope = at_rest(law, np.concatenate([[0.0], d, -d]))[1]
     with np.errstate(all="ignore"):
         changed = np.abs(slope[1:] - slope[0]).reshape(2, -1).max(axis=0) >= stiffness
-    return float(d[int(np.argmax(changed))]) if stiffness > 0 and changed.any() else 0.0
+    return float(d[int(np.argmax(changed))]) if stiffness > 0 and changed.any() and not changed[0] else 0.0
 
 
 def at_rest(law: Law, d: Array) -> tuple[Array, Array]:

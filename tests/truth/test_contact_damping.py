@@ -314,3 +314,25 @@ def test_a_curve_with_jumps_is_validated():
     assert report.ok and not report.jumps
     reason = "the exponential method does not integrate friction, contacts with dampers and vector laws"
     assert report.note == f"jumps not compared (2): {reason}" and report.summary.endswith(report.note)
+
+
+def test_two_sides_without_a_gap_are_a_spring_and_a_damper():
+    """Laws without a gap were refused: at d = 0 differences of the force agree, with half of its slope on one side."""
+    law, Omega = hb.mechanics.KelvinVoigt(k=5.0, c=0.3, sides=2), (1.8, 2.5)
+    model = hb.System([[1.0]], [[0.1]], [[1.0]], [hb.Element([1.0], law)], hb.Load(cosine={1: [0.2]}))
+    curve = hb.trace(hb.HarmonicBalance(model, 9), "Omega", Omega)
+    expected = 0.2 / np.abs(6.0 - curve.values**2 + 0.4j * curve.values)
+    np.testing.assert_allclose(curve.amplitude("rms"), expected / np.sqrt(2), rtol=1e-9)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("law", [hb.mechanics.KelvinVoigt, hb.mechanics.ClippedKelvinVoigt, hb.mechanics.HuntCrossley])
+@pytest.mark.parametrize("mean", [0.1, -0.1])
+def test_contacts_without_a_gap_are_those_of_time_integration(law, mean):
+    """With mean = -.1, curves of the first law have jumps, which no integrator passes: they are not compared."""
+    load = hb.Load([mean], {1: [0.2]})
+    model = hb.System([[1.0]], [[0.1]], [[1.0]], [hb.Element([1.0], law(5.0, 0.3))], load)
+    curve = hb.trace(hb.HarmonicBalance(model, 32), "Omega", (1.8, 0.6))
+    assert {point.kind for point in curve.special} == ({"PD"} if mean > 0 else {"GR", "LP"})
+    report = hb.validate(curve, 3)
+    assert report.ok and (not report.jumps or law is hb.mechanics.HuntCrossley)

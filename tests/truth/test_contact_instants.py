@@ -261,6 +261,13 @@ def test_curve_from_a_file_is_solved_again(curve: hb.Branch, tmp_path) -> None:
     np.testing.assert_allclose(np.sort_complex(mu), np.sort_complex(point.multipliers), atol=1e-9)
 
 
+def test_a_machine_at_rest_is_traced() -> None:
+    """The search for an asymptote divided by the size of the motion."""
+    stop = hb.Element([1.0], hb.Unilateral(k=10.0, gap=0.3))
+    curve = hb.trace(hb.ContactInstants(hb.System([[1.0]], [[0.1]], [[1.0]], [stop])), "Omega", (1.5, 0.6))
+    assert curve.status is hb.Status.REACHED_END and not curve.amplitude("pp2").any()
+
+
 def test_smooth_law_is_refused() -> None:
     with pytest.raises(NotPiecewiseLinear, match="is not piecewise linear"):
         hb.ContactInstants(hb.Duffing())

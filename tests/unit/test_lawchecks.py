@@ -51,6 +51,7 @@ RIGHT = {
     "steep friction": (friction(500.0), {}),
     "steep spring": (lambda d, v, tau: (np.tanh(d / 1e-4), (1 - np.tanh(d / 1e-4) ** 2) / 1e-4, 0 * d), {}),
     "corner that is not stated": (lambda d, v, tau: (np.maximum(d - 0.1, 0), 1.0 * (d > 0.1), 0 * d), {}),
+    "corner at zero": (lambda d, v, tau: (np.maximum(d, 0) + np.maximum(v, 0), 1.0 * (d > 0), 1.0 * (v > 0)), {}),
     "square of both signs": (lambda d, v, tau: (np.abs(d) * d, 2 * np.abs(d), 0 * d), {}),
     "pole": (lambda d, v, tau: (1 / (1 - d) ** 2, 2 / (1 - d) ** 3, 0 * d), {}),
     "all of it": (lambda d, v, tau: (np.sin(tau) * d + v * d * d, np.sin(tau) + 2 * v * d, d * d), {}),

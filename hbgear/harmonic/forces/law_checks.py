@@ -2,6 +2,8 @@
 
     dp/dd ~ (p(d + h) - p(d - h)) / 2h,   with h and h/2; no check if both differ, because p has a breakpoint
 
+No check at d = 0 either, where the differences agree at the breakpoint of a contact without a gap.
+
 A wrong derivative slows Newton's method down or makes it fail after many points, and the stability is wrong without a
 warning.
 """
@@ -261,6 +263,7 @@ def _check_slope(law: Law, state: Sequence[Array], axis: int, stated: Array, ste
     rounding += _NEGLIGIBLE_SLOPE_RATIO * max(typical, float(np.abs(stated).max()))
     size = np.maximum(np.abs(stated), np.abs(fine))
     smooth = np.abs(coarse - fine) <= _SMOOTHNESS_TOLERANCE * np.abs(fine) + rounding
+    smooth &= np.asarray(state[axis]) != 0
     wrong = np.flatnonzero(smooth & (np.abs(fine - stated) > _SLOPE_TOLERANCE * size + rounding))
     if wrong.size:
         i = int(wrong[np.argmax(np.abs(fine - stated)[wrong])])

@@ -347,7 +347,7 @@ class Follower:
         state = point.state
         size = float(np.abs(state.iterate.x).max())
         self.smallest = min(self.smallest, size)
-        if self.curve.message or size < UNBOUNDED_GROWTH * self.smallest:
+        if self.curve.message or size <= UNBOUNDED_GROWTH * self.smallest:
             return
         asymptote = asymptote_ahead(self.family, state, point.tangent * point.scale, self.width)
         if asymptote is not None and min(self.span) <= asymptote <= max(self.span):
