@@ -360,3 +360,39 @@ def test_the_command_states_speeds_of_models_with_scales(tmp_path: Path) -> None
     assert float(found[1]) == pytest.approx(speed, rel=1e-14) and 0 <= float(found[2]) - float(found[1]) < 1e-11
     dimensionless = CliRunner().invoke(app, ["certify", path, "LP1", "--dimensionless"])
     assert "with Omega in [0.7080316187218310" in dimensionless.output
+
+
+def test_a_grazing_next_to_a_breakpoint_of_the_stiffness_is_proved() -> None:
+    """The sample of the gap nearest to the extremum is the breakpoint, in the segment after the one that grazes."""
+    teeth = hb.mechanics.Periodic.rectangular(high=1.15196, low=0.88996, share=0.42)
+    pair = hb.SpurPair(zeta=0.024, F_m=0.102, e=(0.068,), stiffness=teeth)
+    point = hb.trace(hb.ContactInstants(pair), "Omega", (2.3, 0.6))["GR1"]
+    proof = hb.analysis.certify(point)
+    assert float(proof.Omega[0]) == pytest.approx(point.parameters["Omega"], abs=1e-11)
+
+
+def test_contacts_of_a_symmetric_machine_are_named() -> None:
+    stops = [hb.Element(row, hb.Unilateral(k=10.0, gap=0.5), name=f"stop {i + 1}") for i, row in enumerate(np.eye(2))]
+    load = hb.Load(cosine={1: [0.3, 0.3]})
+    machine = hb.System(np.eye(2), 0.1 * np.eye(2), [[1.5, -0.5], [-0.5, 1.5]], stops, load)
+    curve = hb.trace(hb.ContactInstants(machine), "Omega", (1.6, 1.2))
+    with pytest.raises(NotCertifiedError, match="instants of stop [12] and of stop [12] may coincide at phase"):
+        hb.analysis.certify(curve["LP1"])
+    with pytest.raises(NotCertifiedError, match="contacts of stop 1, stop 2 graze at once"):
+        hb.analysis.certify(curve["GR1"])
+
+
+def test_both_flanks_of_a_symmetric_gap_graze_at_once() -> None:
+    gap = hb.Element([1.0], hb.Backlash(b=0.3, k=10.0), name="gap")
+    curve = hb.trace(
+        hb.ContactInstants(hb.System([[1.0]], [[0.1]], [[1.0]], [gap], hb.Load(cosine={1: [0.3]}))), "Omega", (2.2, 1.2)
+    )
+    with pytest.raises(NotCertifiedError, match="contacts of gap graze at once"):
+        hb.analysis.certify(curve["GR1"])
+
+
+def test_a_corner_that_is_no_breakpoint_is_noticed(fold: Certificate) -> None:
+    claim = json.loads(json.dumps(fold.claim))
+    claim["equations"]["elements"][0]["springs"][0]["corners"][0] = "-0.5"
+    with pytest.raises(NotCertifiedError, match="corners of .* are missing among its breakpoints"):
+        Certificate.of(claim, "")

@@ -5,6 +5,7 @@ The proof does not depend on how the start values were found: it uses the claim 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from contextlib import suppress
 from typing import Any, NamedTuple
@@ -27,15 +28,20 @@ from hbgear.harmonic.contact_instants.problem import ContactInstants
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.harmonic.instants.corrector import CurveState
 from hbgear.harmonic.instants.equations import EquationsAt, NotPiecewiseLinear
-from hbgear.harmonic.instants.pattern import InconsistentPatternError
+from hbgear.harmonic.instants.pattern import InconsistentPatternError, Switch
 from hbgear.harmonic.instants.refine import state_at
 from hbgear.harmonic.instants.sampling import sample_gaps
 from hbgear.harmonic.instants.shooting import Iterate
-from hbgear.harmonic.instants.special_points.grazing import without_contacts
+from hbgear.harmonic.instants.special_points.grazing import Grazing, highest_point, without_contacts
 from hbgear.harmonic.stability.exact_motion import exact_iterate
 
 DIGITS = 48
 """Digits of the center of a box."""
+
+NEAR, SAME_DISTANCE, SAME_INSTANT = 0.02, 1e-9, 1e-6
+"""Distance of samples from a breakpoint beyond the least one, over the gap, within which the extrema are located; then,
+difference of the distances of two extrema, over the size of the gaps, of contacts that graze at once; and difference of
+the phases of one extremum."""
 
 VANISHING_DURATION = 1e-3
 """Duration of a contact, over the period, that is removed for a grazing point."""
@@ -230,14 +236,26 @@ def _grazing(local: EquationsAt, iterate: Iterate) -> tuple[Iterate, tuple[int, 
 def _nearest_extremum(local: EquationsAt, iterate: Iterate) -> tuple[float, int, int, int]:
     """Return phase, element, breakpoint and side of the extremum of a gap that is nearest to a breakpoint."""
     samples, _ = sample_gaps(local, iterate)
-    d, extrema = samples.gaps, []
+    d, candidates = samples.gaps, []
     peaks = {1: (d >= np.roll(d, 1, axis=0)) & (d >= np.roll(d, -1, axis=0))}
     peaks[-1] = (d <= np.roll(d, 1, axis=0)) & (d <= np.roll(d, -1, axis=0))
     for side, at_peak in peaks.items():
         for s, j in zip(*np.nonzero(at_peak), strict=True):
             for k, level in enumerate(local.equations.breakpoints[j]):
                 distance = abs(d[s, j] - level) / max(float(np.ptp(d[:, j])), 1e-300)
-                extrema.append((distance, float(samples.tau[s]), int(j), k, side))
-    if not extrema:
+                candidates.append((distance, Grazing(float(samples.tau[s]), Switch(int(j), k, side))))
+    if not candidates:
         raise NotCertifiedError("grazing", "no gap has an extremum")
-    return min(extrema)[1:]
+    state, least = CurveState.of(iterate, local.Omega), min(distance for distance, _ in candidates)
+    extrema = [highest_point(lambda _: local, state, near) for distance, near in candidates if distance <= least + NEAR]
+    distances, size = np.abs([distance for _, distance in extrema]), float(np.ptp(d))
+    touching = [extrema[i][0] for i in np.argsort(distances) if distances[i] <= distances.min() + SAME_DISTANCE * size]
+    (t, switch), *others = touching
+    several = [
+        other for other in others
+        if other.switch != switch or abs(math.remainder(other.t - t, local.period)) > SAME_INSTANT
+    ]  # fmt: skip
+    if several:
+        names = ", ".join(sorted({local.equations.system.elements[one.switch.element].name for one in touching}))
+        raise NotCertifiedError("grazing", f"contacts of {names} graze at once, as in a symmetric machine; need one")
+    return t, *switch

@@ -110,7 +110,10 @@ def equations_of(claim: Mapping[str, Any]) -> PointEquations:
 
 
 def _check_sections(system: BallSystem, order: ContactOrder) -> None:
-    """Require all breakpoints of the stiffness among the switches, one after the other."""
+    """Require all corners of springs among the breakpoints, and all breakpoints of the stiffness among the switches."""
+    for element in system.elements:
+        if not {x for spring in element["springs"] for x in spring["corners"]} <= set(element["breakpoints"]):
+            raise NotCertifiedError("contact order", f"corners of {element['name']} are missing among its breakpoints")
     count = len(system.data["sections"])
     springs = [spring for element in system.elements for spring in element["springs"]]
     if not {phase for spring in springs for phase in spring["stiffness"].get("phases", ())} <= set(
@@ -125,9 +128,22 @@ def _check_sections(system: BallSystem, order: ContactOrder) -> None:
 
 def _check_instants(equations: PointEquations, Z: Balls) -> None:
     """Require positive durations of all segments."""
+    switches, period = equations.order.pattern.switches, float(equations.system.period.mid())
     for i, (a, b) in enumerate(equations.ends(Z)):
         if not b > a:
-            raise NotCertifiedError("order of instants", f"segment {i + 1} has no positive duration")
+            first, second = (_name(equations, switches[j % len(switches)]) for j in (i, i + 1))
+            raise NotCertifiedError(
+                "order of instants",
+                f"the instants of {first} and of {second} may coincide at phase {float(a.mid()) % period:.6g}, as in a "
+                "symmetric machine: the proof needs a strict order, so model one half of the machine",
+            )
+
+
+def _name(equations: PointEquations, switch: Any) -> str:
+    """Return the name of the element of a switch."""
+    if switch.is_fixed:
+        return "a breakpoint of the stiffness"
+    return str(equations.system.elements[switch.element]["name"])
 
 
 def _check_crossings(equations: PointEquations, Z: Balls, flows: list[Any]) -> None:
@@ -186,8 +202,11 @@ def _check_gaps(equations: PointEquations, Z: Balls, flows: list[Any]) -> None:
             failed = failing_gap(system, flows[i], start, interval, signs)
             if failed is not None:
                 name = system.elements[failed[0]]["name"]
+                several = ": several contacts may graze at once, as in a symmetric machine"
                 raise NotCertifiedError(
-                    "gaps", f"{name} may pass a breakpoint without a switch near phase {failed[1]:.6g}"
+                    "gaps",
+                    f"{name} may pass a breakpoint without a switch near phase {failed[1]:.6g}"
+                    + (several if equations.kind == "GR" else ""),
                 )
 
 
