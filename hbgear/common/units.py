@@ -117,7 +117,9 @@ def _converted(owner: str, name: str, value: Any, unit: str) -> float:
     if isinstance(value, str) and (usual := _usual(value.strip(), unit)) is not None:
         return _short(usual)
     need = f"a quantity in {unit} with its unit, such as {_example(unit)}" if unit else "a number"
-    refusal = ValueError(f"{owner}: {name} = {quoted(value)} must be {need}")
+    comma = isinstance(value, str) and re.match(r"\s*[-+]?\d*,\d", value) is not None
+    remedy = "; the decimal mark is a point" if comma else ""
+    refusal = ValueError(f"{owner}: {name} = {quoted(value)} must be {need}{remedy}")
     import pint
 
     if isinstance(value, str):

@@ -204,7 +204,7 @@ def check_frequency(structure: Any, Omega: float) -> None:
     highest = float(np.abs(structure.modes.poles).max())
     if Omega > _MAX_FREQUENCY_RATIO * highest:
         warn(
-            f"Omega = {Omega:g} is {Omega / highest:.0f} times the highest natural frequency ({highest:.4g}) of the "
+            f"Omega = {Omega:g} is {Omega / highest:.4g} times the highest natural frequency ({highest:.4g}) of the "
             "model; Omega is an angular frequency in the model's unit of time: convert r/min or Hz to it"
         )
 

@@ -28,6 +28,19 @@ def largest():
     return sweeps(TRUTH, "max")
 
 
+def test_a_model_that_does_not_resemble_the_data_is_named():
+    """The amplitudes are those of a load of three times that of the model, without deviations."""
+
+    def data_of(load):
+        motions = hb.trace(hb.HarmonicBalance(hb.Duffing(k3=0.0, F=load), 2), "Omega", (0.5, 0.8))
+        return hb.design.Measurements(motions.values, motions.amplitude("pp2"))
+
+    problem = hb.HarmonicBalance(hb.Duffing(k3=0.0, F=0.1), 2)
+    for load, warned in ((0.3, True), (0.1, False)):
+        found = hb.design.fit(problem, data_of(load), {"zeta": (0.04, 0.06)})
+        assert any("the model differs from the measured amplitudes by 67%" in text for text in found.warnings) == warned
+
+
 def noisy(amplitude, seed, share=0.01):
     return amplitude * (1 + share * np.random.default_rng(seed).normal(size=len(amplitude)))
 

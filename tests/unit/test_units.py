@@ -44,7 +44,7 @@ def test_a_pint_quantity_is_read():
     ("value", "unit", "said"),
     [("3", "m", "has no unit"), ("3 kg", "m", "must be a quantity in m"), ("three", "m", "must be a quantity in m"),
      ("mm", "m", "must be a quantity in m"), ("9e9**9e9 m", "m", "must be a quantity"),
-     ("3 mm", "", "must be a number"),
+     ("3 mm", "", "must be a number"), ("2,5 mm", "m", "must be a quantity in m.*; the decimal mark is a point"),
      (float("nan"), "m", "finite"), (True, "m", "finite"), (None, "m", "finite"), ("", "m", "must be a quantity"),
      ("1e999 m", "m", "finite"), ("3 mm; 4", "m", "must be a quantity"), ([1], "m", "finite")],
 )  # fmt: skip

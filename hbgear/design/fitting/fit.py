@@ -39,12 +39,15 @@ from hbgear.design.fitting.fit_search import (
     is_without_effect,
     values_and_sizes,
 )
-from hbgear.design.fitting.measurements import Measurements
+from hbgear.design.fitting.measurements import DEFAULT_DEVIATION, Measurements
 from hbgear.design.fitting.profile_likelihood import MAX_END_RATIO, profile_interval
 from hbgear.design.fitting.sweep_prediction import Prediction
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.harmonic.models.frequency_units import scales
 from hbgear.mechanics.models import Model
+
+MAX_MISFIT = 0.2
+"""Root mean square of the residuals relative to the amplitudes [-] above which a warning names the usual causes."""
 
 DEFAULT_BOUND_FACTOR = 4.0
 """Default bounds are the value of the model divided and multiplied by this factor."""
@@ -375,6 +378,12 @@ def _data_warnings(best: Prediction, mean_square: float) -> Iterator[str]:
             yield f"the model has no jump like the one measured at {frequency:.6g} while the frequency {change}"
     if not best.data.assumed and mean_square > ACCEPTED_MEAN_SQUARE:
         yield f"the residuals are {math.sqrt(mean_square):.2g} times the deviations of the data"
+    misfit = DEFAULT_DEVIATION * math.sqrt(mean_square)
+    if best.data.assumed and misfit > MAX_MISFIT:
+        yield (
+            f"the model differs from the measured amplitudes by {misfit:.0%} (root mean square): check the units, the "
+            "measure of the amplitude, and the parameters that are not free"
+        )
 
 
 KIND_TEXTS = {

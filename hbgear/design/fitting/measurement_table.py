@@ -17,7 +17,10 @@ from hbgear.io.tables.table_reader import Column, Kind, data_table, normal, spli
 from hbgear.io.tables.table_units import FREQUENCY, factor_of
 from hbgear.mechanics.series.measures import BUILT_IN_MEASURES
 
-_DIRECTIONS = {"up": 1, "rising": 1, "+1": 1, "1": 1, "+": 1, "down": -1, "falling": -1, "-1": -1, "-": -1}
+_DIRECTIONS = {
+    **dict.fromkeys(("up", "rising", "increasing", "+1", "1", "+"), 1),
+    **dict.fromkeys(("down", "falling", "decreasing", "-1", "-"), -1),
+}
 _SPEEDS = ("n", "speed", "pinion speed", "rotational speed", "shaft speed")
 _TRANSMISSION_ERRORS = ("dte", "te", "transmission error", "dynamic transmission error")
 _COLUMN_UNITS = {"Omega": "", MESH: "Hz", PINION: "r/min"}
@@ -201,7 +204,7 @@ def _positive(column: Column, i: int) -> float:
 def _direction(column: Column, i: int) -> int:
     word = column.cells[i].casefold()
     if word not in _DIRECTIONS:
-        raise column.wrong(i, "must be up or down, rising or falling, +1 or -1")
+        raise column.wrong(i, "must be up or down, increasing or decreasing, rising or falling, +1 or -1")
     return _DIRECTIONS[word]
 
 
