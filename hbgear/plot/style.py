@@ -108,7 +108,7 @@ _METADATA: dict[str, Any] = {
 STYLE: Any = {
     "font.family": FONT, "font.size": 9, "mathtext.fontset": "stix", "axes.linewidth": 0.6, "axes.labelsize": 10,
     "axes.titlesize": 9, "legend.fontsize": 8, "legend.frameon": False, "lines.linewidth": 1.2, "axes.grid": False,
-    "xtick.labelsize": 9, "ytick.labelsize": 9,
+    "xtick.labelsize": 9, "ytick.labelsize": 9, "axes.formatter.limits": (-4, 6), "axes.formatter.use_mathtext": True,
     "figure.facecolor": "white", "axes.facecolor": "white", "axes.edgecolor": "black", "text.color": "black",
 }  # fmt: skip
 """Settings of matplotlib while a figure is drawn in the style "journal"."""
