@@ -160,10 +160,22 @@ def with_landings(
 
 
 def span_of(model: hb.mechanics.Model, first: str | None, last: str | None) -> tuple[float, float]:
-    """Return the span of Omega; an end that is not given is taken from the model."""
+    """Return the span of Omega; an end that is not given is taken from the model, if it has a usual range."""
+    if isinstance(model, hb.System) and None in (first, last):
+        raise ValueError(f"--from and --to are needed: a structure has no usual range of Omega{_natural(model)}")
     a, b = model.default_span
     return (a if first is None else Omega_of(model, "--from", first),
             b if last is None else Omega_of(model, "--to", last))  # fmt: skip
+
+
+def _natural(system: hb.System) -> str:
+    """Return the lowest natural frequencies of a structure as a part of an error; empty if they cannot be computed."""
+    try:
+        found = hb.analysis.campbell(system, (1.0, 2.0), points=2)
+    except (ValueError, ArithmeticError):
+        return ""
+    texts = [f"{omega:.4g}" for omega in sorted(x for x in found.frequencies[0] if x > 0)]
+    return f"; its natural frequencies are {', '.join(texts[:5] + ['...'] * (len(texts) > 5))}" if texts else ""
 
 
 def longer_span(branch: hb.Branch, within: str | None, first: str | None, last: str | None) -> tuple[float, float]:
@@ -265,16 +277,21 @@ def on_curve(branch: hb.Branch, text: str, option: str = "LABEL") -> tuple[hb.Br
 
 
 def point_of(branch: hb.Branch, text: str, option: str = "--point") -> hb.Point:
-    """Return a special point by label, or the motion at a value, of several motions a stable one.
+    """Return a special point by label, or the motion at a value or quantity, of several motions a stable one.
 
     A curve without its problem has computed points only, of which the nearest is returned. ``2:`` in front of either
     selects the second curve of the file; see `numbered`.
     """
     branch, text = on_curve(branch, text, option)
-    try:
-        value = float(text)
-    except ValueError:
+    if not re.match(r"[-+.]?\d", text):
         return branch[text]
+    model = model_of(branch)
+    if model is None:
+        value = number_of(option, text)
+    elif branch.parameter == "Omega":
+        value = Omega_of(model, option, text)
+    else:
+        value = parameter_value(model.labels, option, branch.parameter, text)
     low, high = float(branch.values.min()), float(branch.values.max())
     if not low <= value <= high:
         raise ValueError(

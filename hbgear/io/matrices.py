@@ -1,4 +1,4 @@
-"""Linear structures from matrices of other programs: Matrix Market (.mtx), MATLAB (.mat), NumPy (.npy, .npz).
+"""Linear structures from matrices of other programs: Matrix Market, MATLAB (.mat), NumPy (.npy, .npz), text (.csv).
 
 M q'' + [C + s Omega G + C_b(Omega)] q' + [K + K_b(Omega)] q
 """
@@ -22,6 +22,7 @@ from hbgear.io.branches.archive import Damaged, archive_of
 from hbgear.io.matrix_files.matlab import read_matlab
 from hbgear.io.matrix_files.matlab_hdf5 import is_hdf5, read_hdf5
 from hbgear.io.matrix_files.matrix_market import DamagedFileError, read_matrix_market
+from hbgear.io.matrix_files.text_matrix import TEXT_SUFFIXES, read_text_matrix
 from hbgear.io.matrix_files.unpacked_size import SPARE, TIMES, TooMuch, check_mtx
 from hbgear.mechanics.models import System
 from hbgear.mechanics.series.fourier import is_listed
@@ -170,7 +171,8 @@ def from_matrices(
     ----------
     source : path-like or dict
         A file with all matrices, .mat (version 7.3 needs ``hbgear[matlab]``) or .npz; or, for each of M, K and
-        optionally C and G, its own file (.mtx, .mat, .npy) or the matrix itself.
+        optionally C and G, its own file (.mtx, .mat, .npy, or .csv, .txt, .dat with a row in each line) or the matrix
+        itself.
     names : dict of str to str, optional
         Names of the matrices in a .mat or .npz file, such as ``{"K": "stiffness"}``; default M, K, C, G.
     dof_names : sequence of str, optional
@@ -216,7 +218,8 @@ def from_matrices(
         if missing:
             available = ", ".join(sorted(variables)) or "nothing"
             raise ValueError(
-                f"'{source}' has no matrix '{missing[0]}', but {available}: give names={{'M': ..., 'K': ...}}"
+                f"'{source}' has no matrix '{missing[0]}', but {available}: give the names of M and K in the file, "
+                "as names={'M': 'mass'} of from_matrices, or M = \"mass\" in a .toml file"
             )
     missing = [name for name in NAMES[:2] if name not in matrices]
     if missing:
@@ -246,12 +249,15 @@ def _matrix(value: Any, name: str) -> Any:
     if not isinstance(value, str | os.PathLike):
         return value
     suffix = Path(value).suffix.lower()
+    if suffix in TEXT_SUFFIXES and Path(value).is_file():
+        return read_text_matrix(value)
     if suffix not in (".mtx", ".npy"):
         variables = _variables(value)
         if name in variables or len(variables) == 1:
             return variables.get(name, next(iter(variables.values())))
         raise ValueError(
-            f"'{value}' has no matrix '{name}', but {', '.join(sorted(variables)) or 'nothing'}: give names=..."
+            f"'{value}' has no matrix '{name}', but {', '.join(sorted(variables)) or 'nothing'}: give its name "
+            "in the file by names"
         )
     if suffix == ".npy":
         return _read(value, lambda: np.array(np.load(value, mmap_mode="r", allow_pickle=False)))  # size checked first
@@ -279,8 +285,10 @@ def _variables(path: str | os.PathLike[str]) -> dict[str, Any]:
             needed("h5py", "matlab", "a MATLAB file of version 7.3")
         variables = _read(path, lambda: read_hdf5(path) if is_hdf5(path) else read_matlab(path))
         return {name: value for name, value in variables.items() if not name.startswith("__")}
-    raise ValueError(f"'{path}' must be a .mat or .npz file; matrices in separate files (.mtx, .npy) are given by "
-                     "name, such as {'M': 'mass.mtx', 'K': 'stiffness.mtx'}")  # fmt: skip
+    if not Path(path).is_file():
+        raise ValueError(f"there is no file '{path}'")
+    raise ValueError(f"'{path}' must be a .mat or .npz file; files of single matrices (.mtx, .npy, .csv) are given by "
+                     "name, such as M = 'mass.mtx', K = 'stiffness.mtx'")  # fmt: skip
 
 
 def _read(path: Any, reader: Any) -> Any:

@@ -183,6 +183,20 @@ def test_a_span_that_takes_several_curves(run):
 
 
 @pytest.mark.slow
+def test_a_point_at_a_speed_with_its_unit(run):
+    """The mesh frequency of Omega = 1 is 38000 / 2 pi Hz; the pinion has 25 teeth."""
+    pair = hb.SpurPair(reference=(38000.0, 37.6e-6, 15000.0, 25.0))
+    hb.trace(hb.HarmonicBalance(pair, 2), "Omega", (1.5, 1.2)).save("r.npz")
+    curve = hb.load("r.npz")
+    mesh = 1.3 * 38000 / 2 / np.pi
+    for text in (f"{mesh:.12g}Hz", f"{mesh * 60 / 25:.12g} r/min", "1.3"):
+        assert abs(cli_support.point_of(curve, text).parameters["Omega"] - 1.3) < 1e-9
+    with pytest.raises(ValueError, match=r"--point 1\.3x: need a speed with its unit, such as --point 9000r/min"):
+        cli_support.point_of(curve, "1.3x")
+    with pytest.raises(KeyError, match="no special point 'LP9'"):
+        cli_support.point_of(curve, "LP9")
+
+
 def test_points_of_the_second_curve_of_a_file(run):
     """Commands take 2:LP1; results, jumps and scatter are those of both curves."""
     wild = ["--set", "zeta=0.01", "--set", "eps=0,0.2", "--set", "e=0.05", "--harmonics", 8]

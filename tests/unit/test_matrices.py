@@ -53,6 +53,24 @@ def test_files_have_the_matrices(folder):
         assert found.C is None and found.G is None and found.n == 3
 
 
+def test_text_files_have_the_matrix_with_each_separator(folder):
+    """As spreadsheets of two languages, ``writematrix`` and ``numpy.savetxt`` write it."""
+    texts = {"a.csv": ("%.17g", ","), "b.txt": ("%.18e", " "), "c.dat": ("%.17g", "\t"), "d.csv": ("%.17g", ";")}
+    for name, (form, separator) in texts.items():
+        np.savetxt(folder / name, K / 3, form, separator)
+        if separator == ";":
+            (folder / name).write_text((folder / name).read_text().replace(".", ","))
+        np.testing.assert_array_equal(hb.io.from_matrices({"M": M, "K": folder / name}).K, K / 3)
+    (folder / "e.csv").write_text("1,2,3\n4,x,6\n7,8,9\n")
+    with pytest.raises(ValueError, match=r"e\.csv', line 2: 'x' in column 2 must be a number"):
+        hb.io.from_matrices({"M": M, "K": folder / "e.csv"})
+    (folder / "f.csv").write_text("1,2,3\n4,5\n7,8,9\n")
+    with pytest.raises(ValueError, match=r"f\.csv', line 2 has 2 cells"):
+        hb.io.from_matrices({"M": M, "K": folder / "f.csv"})
+    with pytest.raises(ValueError, match=r"there is no file '.*none\.csv'"):
+        hb.io.from_matrices({"M": M, "K": folder / "none.csv"})
+
+
 def test_a_curve_of_matrices_is_that_of_the_system(folder):
     found = hb.io.from_matrices(folder / "model.mat", dof_names=["a", "b", "c"])
     stop = hb.Element(found.along({"a": 1.0, "c": -1.0}), hb.Unilateral(k=3.0, gap=0.05))
@@ -178,7 +196,7 @@ def test_matlab_files_of_version_73(tmp_path):
     found = hb.io.from_matrices(path)
     for name, A in (("M", M), ("K", K), ("C", C), ("G", G)):
         np.testing.assert_array_equal(plain(getattr(found, name)), A)
-    with pytest.raises(ValueError, match="no matrix 'mass', but C, G, K, M: give names"):
+    with pytest.raises(ValueError, match="no matrix 'mass', but C, G, K, M: give the names"):
         hb.io.from_matrices(path, names={"M": "mass"})
     damaged = path.read_bytes()
     path.write_bytes(damaged[: len(damaged) // 2])
@@ -195,8 +213,8 @@ def test_matlab_files_of_version_73(tmp_path):
     ("make", "said"),
     [
         (lambda f: hb.io.from_matrices(f / "none.mat"), "there is no file '.*none.mat'"),
-        (lambda f: hb.io.from_matrices(f / "mass.mtx"), "must be a .mat or .npz file; matrices in separate files"),
-        (lambda f: hb.io.from_matrices(f / "other.mat"), "no matrix 'M', but mass, stiffness, x: give names"),
+        (lambda f: hb.io.from_matrices(f / "mass.mtx"), "must be a .mat or .npz file; files of single matrices"),
+        (lambda f: hb.io.from_matrices(f / "other.mat"), "no matrix 'M', but mass, stiffness, x: give the names"),
         (lambda f: hb.io.from_matrices({"M": M}), "K is missing"),
         (lambda f: hb.io.from_matrices({"M": M, "K": K, "D": C}), "no matrix 'D'"),
         (lambda f: hb.io.from_matrices({"M": M, "K": K}, names={"D": "x"}), "names has 'D'"),

@@ -106,6 +106,23 @@ def test_on_the_command_line(name, folder):
     assert "known by receptances only" in message if name == "measured" else checked.exit_code == 0, message
 
 
+def test_a_structure_needs_a_span_and_the_error_lists_its_natural_frequencies(folder):
+    """Its unit of time is unknown: Omega = 0.5 to 1.5 of other models has no meaning."""
+    (folder / "a.toml").write_text(SEPARATE)
+    natural = np.sqrt(scipy.linalg.eigvalsh(K, M))
+    for options in ([], ["--from", "8"], ["--to", "8"]):
+        message = str(CliRunner().invoke(app, ["trace", "a.toml", *options]).exception)
+        found = [float(text) for text in message.partition("frequencies are ")[2].split(", ")]
+        assert "--from and --to are needed" in message
+        np.testing.assert_allclose(found, natural, rtol=1e-3)
+
+
+def test_models_lists_the_parameters_of_a_file(folder):
+    (folder / "a.toml").write_text(SEPARATE)
+    result = CliRunner().invoke(app, ["models", "a.toml"])
+    assert result.exit_code == 0 and {"stop.k", "200", "gap.k", "50"} <= set(result.output.split()), result.output
+
+
 @pytest.mark.parametrize(
     ("text", "old", "new", "said"),
     [
@@ -121,6 +138,8 @@ def test_on_the_command_line(name, folder):
         (SEPARATE, "k = 200.0", "k = -200.0", "k"),
         (SEPARATE, '["shaft", "case"]', '["shaft"]', "1 dof_names for 2 coordinates"),
         (SEPARATE, "[[load]]", "[[lode]]", "unknown key 'lode'"),
+        (SEPARATE, "[[load]]", "[load]", r"'load' is a list of tables: write \[\[load\]\]"),
+        (TOGETHER, '"all.mat"', '"damping.mtx"', r"given by name, such as M = 'mass.mtx', K = 'stiffness.mtx'"),
         (SEPARATE, "[matrices]", "[receptances]\nstatic = [[1.0]]\n[matrices]", "give either"),
         (SEPARATE, 'M = "mass.mtx"', "", "M is missing"),
         (TOGETHER, 'K = "Stiffness"', "", "has no matrix 'K', but"),

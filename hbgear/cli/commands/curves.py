@@ -293,7 +293,7 @@ def plot_command(
     point: Annotated[
         str | None,
         typer.Option(
-            help="Draw one point: a label such as LP1, or a value of the parameter.",
+            help="Draw one point: a label such as LP1, or a value of the parameter, such as 9000r/min.",
             autocompletion=cli_complete.labels,
         ),
     ] = None,

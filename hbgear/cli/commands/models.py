@@ -11,20 +11,26 @@ import typer
 import hbgear as hb
 from hbgear.analysis.summary import text_of
 from hbgear.cli.output import print_message, print_table
+from hbgear.common.text.digits import short
 from hbgear.harmonic.models import model_registry
+from hbgear.io.machines.model_file import read_model
 from hbgear.mechanics.fields import defaults_of, kinds_of
 from hbgear.mechanics.model_lookup import installed
 
 
 def models(
     model: Annotated[
-        str | None, typer.Argument(metavar="[MODEL]", help="Only this model, such as your own FILE.py:NAME.")
+        str | None,
+        typer.Argument(metavar="[MODEL]", help="Only this model: a name, your own FILE.py:NAME, or FILE.toml."),
     ] = None,
 ) -> None:
     """List the models, their equations and their parameters with defaults; VALUE marks a required parameter.
 
     The list includes models of installed packages with entry points hbgear.models.
     """
+    if model is not None and model.endswith(".toml"):
+        _print_parameters(model)
+        return
     rows = []
     for name in [*model_registry.MODELS, *installed()] if model is None else [model]:
         try:
@@ -38,6 +44,14 @@ def models(
         about = "\n".join(line for line in lines if line or cls.__module__.startswith("hbgear."))
         rows.append([f"{name}\n{cls.__name__}", f"{about}\n"])
     print_table(["model", "equation, parameters with defaults (change them with --set)"], rows)
+
+
+def _print_parameters(file: str) -> None:
+    """Print the parameters of the machine in a file, which --set, --in and other commands can change."""
+    machine = read_model(file)
+    values = machine.parameters | machine.entries
+    rows = [[name, short(value, 6), machine.labels.get(name, "")] for name, value in values.items()]
+    print_table(["parameter", "value", "meaning (change it with --set)"], rows, file)
 
 
 def _summary(cls: type) -> str:

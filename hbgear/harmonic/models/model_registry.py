@@ -110,6 +110,10 @@ def model_class(name: str) -> type[Model]:
     if name not in names:
         if name.endswith(".npz"):
             raise KeyError(f"'{name}' is the name of a saved curve; give a model, FILE.toml or FILE.py:NAME")
+        if name.endswith(".py"):
+            raise KeyError(f"'{name}' is a file of Python: give a model in it, as {name}:NAME")
+        if name.endswith((".mat", ".mtx", ".npy", ".csv")):
+            raise KeyError(f"'{name}' is a file of matrices or numbers: give FILE.toml, whose [matrices] name it")
         raise KeyError(f"there is no model '{name}'{did_you_mean(name, names, 'there are')}")
     return find_model_class(name)
 

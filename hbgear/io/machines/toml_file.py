@@ -138,7 +138,7 @@ def located(path: str | os.PathLike[str], text: str, problems: Sequence[tuple[Ke
 def _in_one_line(message: str) -> str:
     """Return a message without line breaks and with shortened words, which names in a file may contain."""
     text = " ".join(message.split()) if "\n" in message else message
-    return re.sub(r"'[^']{80,}'|\S{80,}", lambda match: shortened(match[0]), text)
+    return re.sub(r"'[^']*'|\S{80,}", lambda match: shortened(match[0]), text)  # quotation marks in pairs
 
 
 def lines_of(text: str) -> dict[KeyPath, int]:
@@ -206,6 +206,8 @@ def location_and_text(schema: Any, error: Any) -> tuple[KeyPath, str]:
         return key_path, f"unknown key '{shortened(name)}'{did_you_mean(str(key_path[-1]), schema.model_fields)}"
     if error["type"] == "missing":
         return key_path, f"'{shortened(name)}' is missing"
+    if error["type"] == "list_type" and isinstance(error["input"], dict):
+        return key_path, f"'{shortened(name)}' is a list of tables: write [[{shortened(name)}]] for each of them"
     return (
         key_path,
         f"{shortened(name)} = {quoted(error['input'])}: {shortened(error['msg'].removeprefix('Value error, '), 300)}",
