@@ -211,7 +211,8 @@ class NeimarkSackerProblem(MinimallyAugmentedProblem):
 
         def real_part_change(changed: dict[str, float]) -> tuple[float]:
             hill = self._hill(X, changed)
-            form = complex(pair.w.conj() @ hill.times(hill.receptances(pair.exponent)[0], pair.exponent, pair.v))
+            D = hill.matrix(hill.receptances(pair.exponent)[0], pair.exponent)
+            form = complex(pair.w.conj() @ D @ pair.v)
             return ((-form / pair.rate).real,)
 
         (derivative,) = parameter_derivatives(self.problem, name, parameters, real_part_change)
@@ -363,20 +364,14 @@ BORDER_ITERATIONS = 4
 """Number of inverse iterations for borders, which need not be accurate singular vectors."""
 
 
-MAX_STEP_FOR_OLD_FACTORS = 1e-3
-"""Step of an exponent, over the frequency, up to which the last factors of D are used again."""
-
-
-MAX_STEP_RATIO = 0.1
-"""Largest ratio of successive steps with which the last factors of D are used again."""
+MAX_ROUNDING_RATIO = 0.1
+"""Ratio of successive small steps above which they are rounding; before, they decrease quadratically."""
 
 
 def _exponent(
     hill: CondensedHillMatrix, s: complex, b: ComplexArray, c: ComplexArray, X: Array, parameters: dict[str, float]
 ) -> _Pair:
     """Compute an exponent by Newton's method on the bordered determinant g(s) of D(s), dg/ds = -w^H D_s v.
-
-    Near the exponent D is not factorised again. Instead v, w and g are corrected with the last factors.
 
     Raises
     ------
@@ -387,34 +382,24 @@ def _exponent(
     """
     unit_vector = np.zeros(len(b) + 1)
     unit_vector[-1] = 1.0
-    steps: list[float] = [math.inf]
-    factors = None
+    steps: list[float] = []
+    last_size = math.inf
     for _ in range(40):
         G, dG = hill.receptances(s)
-        current = factors is None
-        if factors is None:
-            factors = Factors(bordered(hill.matrix(G, s), b, c.conj()))
-            right, left = factors.solve(unit_vector), factors.adjoint_solve(unit_vector)
-        else:
-            v, w = right[:-1], left[:-1]
-            right_residual = unit_vector - np.append(hill.times(G, s, v) + right[-1] * b, c.conj() @ v)
-            left_residual = unit_vector - np.append(hill.adjoint_times(G, s, w) + left[-1] * c, b.conj() @ w)
-            right, left = right + factors.solve(right_residual), left + factors.adjoint_solve(left_residual)
-        v, w, g = right[:-1], left[:-1], right[-1]
-        rate = complex(w.conj() @ hill.rate_times(G, dG, s, v))
+        factors = Factors(bordered(hill.matrix(G, s), b, c.conj()))
+        right, w = factors.solve(unit_vector), factors.adjoint_solve(unit_vector)[:-1]
+        v, g = right[:-1], right[-1]
+        rate = complex(w.conj() @ hill.rate(G, dG, s) @ v)
         if not abs(g) < hill.omega * abs(rate):  # exponents repeat at this distance, so none is near
             break
-        step, last_size = g / rate, steps[-1] / hill.omega
+        step = g / rate
         s, size = s + step, abs(step) / hill.omega
         steps.append(abs(step))
-        rounding = current and last_size <= 1e-7  # with old factors the last step may correct the one before
-        if size <= 1e-14 or last_size <= 1e-11 or (rounding and size > MAX_STEP_RATIO * last_size):
-            return _Pair(s, v, w, hill.adjoint_driven(hill.receptances(s)[0], w), rate)
-        if size > MAX_STEP_FOR_OLD_FACTORS or size > MAX_STEP_RATIO * last_size:
-            factors = None
-    raise NoConvergence(
-        "Newton's method did not converge to an exponent of Hill's determinant", X, parameters, steps[1:]
-    )
+        if size <= 1e-14 or last_size <= 1e-11 or (last_size <= 1e-7 and size > MAX_ROUNDING_RATIO * last_size):
+            y = np.einsum("kij,ki->kj", hill.receptances(s)[0].conj(), w.reshape(-1, hill.m)).ravel()
+            return _Pair(s, v, w, y, rate)
+        last_size = size
+    raise NoConvergence("Newton's method did not converge to an exponent of Hill's determinant", X, parameters, steps)
 
 
 def _unit(v: ComplexArray) -> ComplexArray:

@@ -215,32 +215,3 @@ class CondensedHillMatrix:
         if self.C is not None:
             out += np.einsum("kij,jkl->kilj", G, self.C)
         return out.reshape(size, size)
-
-    def times(self, G: ComplexArray, s: complex, v: ComplexArray) -> ComplexArray:
-        """Return D v."""
-        return v + _driven(G, self.slopes(s), v)
-
-    def rate_times(self, G: ComplexArray, dG: ComplexArray, s: complex, v: ComplexArray) -> ComplexArray:
-        """Return dD/ds v."""
-        out = _driven(dG, self.slopes(s), v)
-        return out if self.C is None else out + _driven(G, self.C, v)
-
-    def adjoint_times(self, G: ComplexArray, s: complex, w: ComplexArray) -> ComplexArray:
-        """Return D^H w."""
-        driven = self.adjoint_driven(G, w).reshape(-1, self.m).T
-        columns = [S.conj().T @ column for S, column in zip(self.slopes(s), driven, strict=True)]
-        out: ComplexArray = w + np.stack(columns, axis=1).ravel()
-        return out
-
-    def adjoint_driven(self, G: ComplexArray, w: ComplexArray) -> ComplexArray:
-        """Return G^H w."""
-        out: ComplexArray = np.einsum("kij,ki->kj", G.conj(), w.reshape(-1, self.m)).ravel()
-        return out
-
-
-def _driven(G: ComplexArray, slopes: ComplexArray, v: ComplexArray) -> ComplexArray:
-    """Return G times the forces of slopes (m, 2H + 1, 2H + 1) along v."""
-    m = len(slopes)
-    forces = np.stack([S @ column for S, column in zip(slopes, v.reshape(-1, m).T, strict=True)], axis=1)
-    out: ComplexArray = (G @ forces[..., None]).ravel()
-    return out
