@@ -1,8 +1,4 @@
-"""Homotopies: a solution from a poor start, along a path that connects both.
-
-    R(X) = (1 - s) R(X0),   s = 0..1         Newton homotopy, from any start
-
-Other paths are families of problems with a known solution at s = 0 that are the problem to be solved at s = 1.
+"""Homotopies: a solution along a path of problems with a known solution at s = 0 that end at the problem at s = 1.
 
 References
 ----------
@@ -19,50 +15,9 @@ import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.continuation.numerics.linear import bordered, solve_linear
-from hbgear.continuation.problem.adapter import as_problem
-from hbgear.continuation.problem.base import ContinuationProblem, linearise
-from hbgear.continuation.problem.evaluation import Evaluation
+from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.solvers.corrector import correct
 from hbgear.continuation.solvers.newton import SOLVER_ERRORS, NewtonSettings, NoConvergence, Solution, describe, solve
-
-
-class _Homotopy(ContinuationProblem):
-    """R(X) - (1 - s) R(X0) = 0. X0 is a solution at s = 0, and solutions at s = 1 are solutions of the problem."""
-
-    def __init__(self, problem: ContinuationProblem, X0: Array, parameters: Mapping[str, float]) -> None:
-        self.problem, self.fixed = problem, parameters
-        self.R0 = linearise(problem, X0, "", parameters).R
-
-    def linearise(self, X: Array, name: str, **parameters: float) -> Evaluation:
-        evaluation = linearise(self.problem, X, "", self.fixed)
-        return Evaluation(evaluation.R - (1 - parameters["s"]) * self.R0, evaluation.dR_dX, self.R0, evaluation.size)
-
-
-def newton_homotopy(problem: Any, X: Array, parameters: Mapping[str, float]) -> Solution:
-    """Return a solution at fixed parameters from a poor start, along a Newton homotopy.
-
-    The path R(X) = (1 - s) R(X0) is followed from s = 0 to 1 by arclength, through its folds.
-
-    Parameters
-    ----------
-    problem : ContinuationProblem or object with ``evaluate``
-        The problem.
-    X : ndarray, shape (n,)
-        Start X0.
-    parameters : mapping of str to float
-        All parameters of the problem.
-
-    Returns
-    -------
-    Solution
-        The solution.
-
-    Raises
-    ------
-    NoConvergence
-        If the path does not reach s = 1.
-    """
-    return solve_along(_Homotopy(as_problem(problem), X, parameters), problem, X, parameters)
 
 
 def solve_along(

@@ -1,4 +1,4 @@
-"""Initial guesses for Newton's method, and homotopies to a first periodic motion.
+"""Initial guesses for Newton's method, and a homotopy to a first periodic motion.
 
 The first guess is the linear response about the static state under the constant loads. Other static states are searched
 at the breakpoints of laws, and where the stiffness of a smooth law has changed by the stiffness of the structure. All
@@ -10,7 +10,6 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -18,7 +17,7 @@ import numpy as np
 from hbgear.common.arrays import Array
 from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.problem.evaluation import Evaluation
-from hbgear.continuation.solvers.homotopy import newton_homotopy, solve_along
+from hbgear.continuation.solvers.homotopy import solve_along
 from hbgear.continuation.solvers.newton import NoConvergence, Solution, solve
 from hbgear.continuation.stepping.control import StepControl
 from hbgear.continuation.tracing.trace import trace
@@ -31,17 +30,16 @@ from hbgear.mechanics.series.real_basis import derivative
 def find_motion(problem: Any, parameters: dict[str, float]) -> Array:
     """Return a periodic motion of a `HarmonicBalance` at the given parameters.
 
-    Newton starts from the `initial_guesses`, then from static states with dampers that are removed along a path, then
-    from the guesses by a homotopy, and last from a motion at another frequency.
+    Newton starts from the `initial_guesses`, then from static states with dampers that are removed along a path, and
+    last from a motion at another frequency.
 
     Raises
     ------
     NoConvergence
         If Newton converges from none of these guesses.
     """
-    guesses = partial(initial_guesses, problem.compiled(parameters), parameters["Omega"])
     failure: NoConvergence | None = None
-    for guess in guesses():
+    for guess in initial_guesses(problem.compiled(parameters), parameters["Omega"]):
         try:
             return solve(problem, guess, parameters).X
         except NoConvergence as error:
@@ -49,9 +47,6 @@ def find_motion(problem: Any, parameters: dict[str, float]) -> Array:
     assert failure is not None
     with suppress(NoConvergence):
         return from_damped(problem, parameters).X
-    for guess in guesses():
-        with suppress(NoConvergence):
-            return newton_homotopy(problem, guess, parameters).X
     # a fold may end the motions near these guesses; at another frequency they can be close to a motion
     X = continue_from_nearby_frequency(problem, parameters)
     if X is None:
