@@ -159,23 +159,8 @@ def trace_to_both_ends(
 ) -> Branch:
     """Trace from a point to the last value of a span, and to the first one unless the point lies there.
 
-    Parameters
-    ----------
-    equations : ContinuationProblem
-        Equations.
-    parameter : str
-        Name of the parameter.
-    span : (float, float)
-        First and last value of the parameter.
-    point : Point
-        Solution of the equations.
-    **options
-        Arguments of `trace`.
-
-    Returns
-    -------
-    Branch
-        Both parts in one, from the first to the last value; from the last to the first one if the point lies there.
+    The equations are those of `follow`, the point is a solution of them, and the options are arguments of `trace`. Both
+    parts are one branch, from the first to the last value; from the last to the first one if the point lies there.
     """
     low, high = sorted(map(float, span))
     value = {**point.parameters, **options.get("at", {})}.get(parameter, low)

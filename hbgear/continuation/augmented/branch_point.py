@@ -38,13 +38,7 @@ from hbgear.continuation.results.branch import Branch
 
 @dataclass(frozen=True)
 class BranchPointResidual(Borders):
-    """Borders of the branch-point equations.
-
-    Attributes
-    ----------
-    scale : ndarray, shape (n + 1,)
-        Scales of (X, p). The borders have the shapes (n,) for b and (n + 1, 2) for c.
-    """
+    """Borders b (n,) and c (n + 1, 2) of the branch-point equations, and the scales (n + 1,) of (X, p)."""
 
     scale: Array | None = None
 

@@ -62,25 +62,7 @@ class ScalarConditionProblem(MinimallyAugmentedProblem):
         return Borders(linearise(self.problem, X, "", parameters).size)
 
     def value(self, X: Array, parameters: dict[str, float]) -> float:
-        """Return the value of the function.
-
-        Parameters
-        ----------
-        X : ndarray, shape (n,)
-            Unknowns.
-        parameters : dict of str to float
-            All parameters.
-
-        Returns
-        -------
-        float
-            The value.
-
-        Raises
-        ------
-        ValueError
-            If it is not finite.
-        """
+        """Return the value of the function at unknowns X and all parameters; ValueError if it is not finite."""
         motion, unknown = self.problem.split(X)
         point = Point(
             motion, {**parameters, **unknown}, 0.0, 0, None, np.zeros(0, dtype=np.int8), float("nan"),

@@ -54,18 +54,8 @@ from hbgear.continuation.solvers.newton import NewtonSettings, NoConvergence, So
 class AugmentedResidual(NamedTuple):
     """Values and derivatives of the augmented equations.
 
-    Attributes
-    ----------
-    evaluation : Evaluation
-        R with its derivatives in X and p.
-    g : float
-        Value of the added equation.
-    g_X : ndarray, shape (n,)
-        Its gradient in X.
-    g_p : float
-        Its derivative in p.
-    derivatives : tuple of (ndarray, float)
-        Derivatives of R and g in each requested further parameter.
+    ``evaluation`` holds R with its derivatives in X and p. g is the added equation, with gradient g_X (n,) in X and
+    derivative g_p. ``derivatives`` are those of R and g in each requested further parameter.
     """
 
     evaluation: Evaluation
@@ -86,15 +76,7 @@ def parameter_derivative_and_jacobian(
 
 @dataclass(frozen=True)
 class Borders:
-    """Fixed data of the added equation.
-
-    Attributes
-    ----------
-    weight : float
-        Factor that gives g the size of R.
-    b, c : ndarray or None
-        Borders of the matrix; None for an equation without borders.
-    """
+    """Fixed data of the added equation: borders b and c, None without, and the weight that gives g the size of R."""
 
     weight: float
     b: Array | None = None
@@ -113,48 +95,17 @@ class MinimallyAugmentedProblem(SpecialPointProblem):
 
     @abstractmethod
     def extra(self, X: Array, parameters: dict[str, float], names: Sequence[str], base: Borders) -> AugmentedResidual:
-        """Return R and g with their derivatives.
-
-        Parameters
-        ----------
-        X : ndarray, shape (n,)
-            Unknowns of the solution.
-        parameters : dict of str to float
-            All parameters.
-        names : sequence of str
-            Further parameters in which derivatives are computed.
-        base : Borders
-            Borders of the added equation.
-
-        Returns
-        -------
-        AugmentedResidual
-            Values and derivatives.
-        """
+        """Return R and g at X (n,) and all parameters, with derivatives in the further parameters ``names``."""
 
     @abstractmethod
     def base_at(self, X: Array, parameters: dict[str, float]) -> Borders:
         """Return the borders defined by a point itself."""
 
     def with_borders_at(self, U: Array, parameters: Mapping[str, float], renew: bool = False) -> Self:
-        """Return the problem with the borders of the point U.
+        """Return the problem with the borders of the point U = (X, p); itself if it has borders and ``renew`` is False.
 
         If `problem` consists of equations of special points too, its borders are fixed as well. Otherwise the signs of
         its null vectors could differ between the two points of a finite difference.
-
-        Parameters
-        ----------
-        U : ndarray, shape (n + 1,)
-            Unknowns (X, p).
-        parameters : mapping of str to float
-            Values of the other parameters.
-        renew : bool, optional
-            Whether existing borders are replaced. The default is False.
-
-        Returns
-        -------
-        MinimallyAugmentedProblem
-            A copy, or the problem itself if it keeps its borders.
         """
         X, unknown = self.solution_of(U)
         values = {**parameters, **unknown}
@@ -181,26 +132,9 @@ class MinimallyAugmentedProblem(SpecialPointProblem):
     def located(
         self, U: Array, parameters: Mapping[str, float], settings: NewtonSettings = NewtonSettings()
     ) -> Solution:
-        """Locate the special point near U by Newton's method, with one more iteration after convergence.
+        """Locate the special point near U = (X, p) by Newton's method, with one more iteration after convergence.
 
-        Parameters
-        ----------
-        U : ndarray, shape (n + 1,)
-            Guess of (X, p).
-        parameters : mapping of str to float
-            Values of the other parameters.
-        settings : NewtonSettings, optional
-            Settings of Newton's method.
-
-        Returns
-        -------
-        Solution
-            The special point.
-
-        Raises
-        ------
-        NoConvergence, numpy.linalg.LinAlgError
-            If the iteration does not converge.
+        NoConvergence or LinAlgError is raised if the iteration does not converge.
         """
         compiled = self.compiled(parameters)
         if compiled is None:
@@ -213,19 +147,9 @@ class MinimallyAugmentedProblem(SpecialPointProblem):
         return Solution(U, math.nan, Evaluation(R, A, np.zeros(len(U)), size), steps, norm(R) / size)
 
     def stepped(self, U: Array, parameters: Mapping[str, float], steps: int) -> tuple[Self, Array]:
-        """Apply a fixed number of undamped Newton steps to a guess U = (X, p).
+        """Apply undamped Newton steps to U = (X, p); return the problem with borders at U, and the last iterate.
 
-        Returns
-        -------
-        problem : MinimallyAugmentedProblem
-            The problem with borders at U, if it needs borders.
-        U : ndarray, shape (n + 1,)
-            Last iterate, converged or not.
-
-        Raises
-        ------
-        numpy.linalg.LinAlgError
-            If the equations are singular.
+        LinAlgError is raised if the equations are singular.
         """
         compiled = self.compiled(parameters)
         if compiled is None:

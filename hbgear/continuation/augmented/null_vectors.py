@@ -22,22 +22,9 @@ def borders_of(A: Matrix) -> tuple[Array, Array, float]:
     """Return the borders b and c of a nearly singular matrix, and its norm.
 
     The borders are the left and right singular vectors of the smallest singular value. Their signs are chosen so that g
-    has the sign of det A. For large or sparse matrices they are computed by inverse iteration, b ~ A^-T c and
-    c ~ A^-1 b, with a bordered matrix, which is regular where A is singular.
-
-    Parameters
-    ----------
-    A : Matrix, shape (n, n)
-        Dense or sparse matrix.
-
-    Returns
-    -------
-    b : ndarray, shape (n,)
-        Border column.
-    c : ndarray, shape (n,)
-        Border row.
-    norm : float
-        Largest singular value, or the 1-norm of a large or sparse matrix.
+    has the sign of det A. For large or sparse matrices they are computed by inverse iteration, b ~ A^-T c and c ~ A^-1
+    b, with a bordered matrix, which is regular where A is singular. The norm is the largest singular value, or the
+    1-norm of a large or sparse matrix.
     """
     sign = -1.0 if slogdet(A)[0] > 0 else 1.0
     if dense(A) and len(A) <= SMALL:
@@ -49,25 +36,11 @@ def borders_of(A: Matrix) -> tuple[Array, Array, float]:
 
 
 def least_singular_vectors(A: Matrix, max_iterations: int = 200) -> tuple[Array, Array]:
-    """Return the left and the right singular vector of the smallest singular value, by inverse iteration.
+    """Return the left and the right singular vector of the smallest singular value, of any signs, by inverse iteration.
 
-    With A v = -g b and c^H v = 1, and x, s from the same bordered matrix with A x + s b = y and c^H x = 0,
-    A (g x - s v) = g y. This gives the direction of A^-1 y without division by g, which is zero where A is singular.
-
-    Parameters
-    ----------
-    A : Matrix, shape (n, n)
-        Dense or sparse, real or complex matrix.
-    max_iterations : int, optional
-        Maximum number of iterations. The default is 200, which suffices if the two smallest singular values differ by
-        5 %. Near a fold a few iterations suffice.
-
-    Returns
-    -------
-    b : ndarray, shape (n,)
-        Left singular vector, of any sign.
-    c : ndarray, shape (n,)
-        Right singular vector, of any sign.
+    With A v = -g b and c^H v = 1, and x, s from the same bordered matrix with A x + s b = y and c^H x = 0, A (g x - s
+    v) = g y. This gives the direction of A^-1 y without division by g, which is zero where A is singular. A few
+    iterations suffice near a fold, 200 if the two smallest singular values differ by 5 %.
     """
     n = A.shape[0]
     first = np.random.default_rng(0).normal(size=(2, n))  # random vectors, which are not orthogonal to the null vectors
@@ -96,21 +69,7 @@ CONVERGED_VECTOR_CHANGE = 1e-15
 def null_vectors(A: Matrix, b: Array, c: Array) -> tuple[Array, Array, float]:
     """Return v, w and g of a matrix with borders b and c; see the module.
 
-    Parameters
-    ----------
-    A : Matrix, shape (n, n)
-        Dense or sparse matrix.
-    b, c : ndarray, shape (n,)
-        Borders.
-
-    Returns
-    -------
-    v : ndarray, shape (n,)
-        Vector that is the right null vector where A is singular.
-    w : ndarray, shape (n,)
-        Vector that is the left null vector where A is singular.
-    g : float
-        Test function, zero where A is singular.
+    v and w are the right and the left null vector where A is singular; there the test function g is zero.
     """
     B, e = bordered(A, b, c), np.zeros((len(b) + 1, 1))
     e[-1] = 1.0

@@ -39,15 +39,7 @@ Value = Callable[[Array, dict[str, float]], float]
 
 
 class Slopes(NamedTuple):
-    """Derivatives in A parameters.
-
-    Attributes
-    ----------
-    X : ndarray, shape (A, n)
-        Derivatives of the unknowns.
-    p : ndarray, shape (A,)
-        Derivatives of the parameter of the curve.
-    """
+    """Derivatives of the unknowns (A, n) and of the parameter of the curve (A,) in A parameters."""
 
     X: Array
     p: Array
@@ -56,13 +48,7 @@ class Slopes(NamedTuple):
 def of_solution(
     problem: ContinuationProblem, X: Array, parameters: Mapping[str, float], names: Sequence[str]
 ) -> Slopes:
-    """Return the derivatives of a solution at a fixed parameter of the curve.
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        If the solution is a fold.
-    """
+    """Return the derivatives of a solution at a fixed parameter of the curve; LinAlgError if the solution is a fold."""
     J = Factors(problem.evaluate(X, **parameters)[1])
     return Slopes(_minus_solutions(J, _parameter_derivatives(problem, X, parameters, names)), np.zeros(len(names)))
 
@@ -83,13 +69,8 @@ def of_curve(
 ) -> tuple[Array, Slopes]:
     """Return the direction (n + 1,) of a curve at U = (X, p), and its displacement orthogonal to ``border``.
 
-    The point may be a fold. A displacement along the curve does not change the curve, so that this component is
-    arbitrary.
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        If two curves cross there.
+    The point may be a fold; LinAlgError is raised where two curves cross. A displacement along the curve does not
+    change the curve, so that this component is arbitrary.
     """
     X = U[:-1]
     evaluation = linearise(problem, X, parameter, parameters)
@@ -207,13 +188,7 @@ def _parameter_derivatives(
 
 
 def _minus_solutions(J: Factors, rows: Array) -> Array:
-    """Return -J^-1 r for each row r of an array (A, n).
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        If J is singular.
-    """
+    """Return -J^-1 r for each row r of an array (A, n); LinAlgError if J is singular."""
     if not len(rows):
         return rows
     solutions: Array = -J.solve(rows.T).T

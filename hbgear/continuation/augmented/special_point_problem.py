@@ -131,10 +131,7 @@ class SpecialPointProblem(ContinuationProblem):
     def join(self, X: Array, parameters: Mapping[str, float]) -> Array:
         """Return the unknowns (X, p) of this problem, from the coefficients of a solution and all parameters.
 
-        Raises
-        ------
-        ValueError
-            If the solution has another number of unknowns than the problem.
+        ValueError is raised if the solution has another number of unknowns than the problem.
         """
         size, X = self.problem.size, self.problem.join(X, parameters)
         if size is not None and len(X) != size:

@@ -84,24 +84,7 @@ def unbounded_message(name: str, value: float) -> str:
 def vertical_asymptote(
     problem: ContinuationProblem, name: str, fixed: Mapping[str, float], point: CurvePoint
 ) -> float | None:
-    """Return the value of the parameter at which a curve tends to infinity ahead of a point.
-
-    Parameters
-    ----------
-    problem : ContinuationProblem
-        The problem.
-    name : str
-        Name of the continuation parameter.
-    fixed : mapping of str to float
-        Values of the other parameters.
-    point : CurvePoint
-        Last point of the curve.
-
-    Returns
-    -------
-    float or None
-        Value of the parameter; None if the curve does not approach an asymptote.
-    """
+    """Return the parameter value at which a curve tends to infinity ahead of a point; None if it does not."""
     try:
         return _asymptote_ahead(problem, name, fixed, point)
     except (ValueError, np.linalg.LinAlgError):  # a model refuses the value, or numbers overflow

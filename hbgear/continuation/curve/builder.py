@@ -45,17 +45,7 @@ class Located(Protocol):
 
 @dataclass(frozen=True)
 class SpecialPointMark:
-    """Position of a special point in a branch.
-
-    Attributes
-    ----------
-    index : int
-        Number of its point.
-    special : Located
-        The special point.
-    interval : (float, float)
-        Values of the parameter at the neighbouring points.
-    """
+    """A special point of a branch, the number of its point, and the parameter values at the neighbouring points."""
 
     index: int
     special: Located
@@ -72,34 +62,11 @@ def build_branch(
     message: str,
     settings: dict[str, Any],
 ) -> Branch:
-    """Return the branch of the points of a trace, without jumps.
+    """Return the branch of the points of a trace, special points among them, without jumps.
 
-    Points with fewer unknowns than the problem are padded with zeros. Unknowns that are parameters are stored in
-    ``tracked``. Points that were not monitored have multipliers nan and unknown regimes.
-
-    Parameters
-    ----------
-    problem : ContinuationProblem
-        The problem with the largest number of unknowns.
-    name : str
-        Name of the continuation parameter.
-    fixed : dict of str to float
-        Values of the other parameters.
-    points : list of CurvePoint
-        Points, special points among them.
-    marks : list of SpecialPointMark
-        Positions of the special points.
-    status : Status
-        Reason why the trace ended.
-    message : str
-        The same in one sentence.
-    settings : dict
-        Settings of the trace, for the header of a file.
-
-    Returns
-    -------
-    Branch
-        The branch.
+    ``problem`` has the largest number of unknowns; points with fewer are padded with zeros. Unknowns that are
+    parameters are stored in ``tracked``. Points that were not monitored have multipliers nan and unknown regimes.
+    ``settings`` are those of the trace for the header of a file.
     """
     unknowns, values, tracked = _unknowns(problem, points)
     mu = _column(points, "multipliers", math.nan + 0j)
@@ -157,26 +124,7 @@ def _unknowns(problem: ContinuationProblem, points: list[CurvePoint]) -> tuple[A
 def build_special_point(
     event: Located, fields: dict[str, Any], label: str, index: int, interval: tuple[float, float]
 ) -> SpecialPoint:
-    """Return the special point of a branch.
-
-    Parameters
-    ----------
-    event : Located
-        The located special point.
-    fields : dict
-        Fields of the point; see `point_fields`.
-    label : str
-        Label, such as "LP1".
-    index : int
-        Number of its point in the branch.
-    interval : (float, float)
-        Values of the parameter at the neighbouring points.
-
-    Returns
-    -------
-    SpecialPoint
-        The special point.
-    """
+    """Return the special point of a branch from its `point_fields`, with label, number of its point and interval."""
     return SpecialPoint(
         **fields | {"error": event.error}, truncation=fields["error"], label=label, kind=event.event.kind, index=index,
         located=event.located, interval=interval, note=event.note, meaning=event.event.meaning,

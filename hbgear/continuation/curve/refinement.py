@@ -39,28 +39,7 @@ def nearest_solution(
 ) -> tuple[Array, float]:
     """Return the solution (X, p) nearest to a guess, by Newton's method with steps of least norm.
 
-    Parameters
-    ----------
-    problem : ContinuationProblem
-        The problem.
-    X : ndarray, shape (n,)
-        Guess of the unknowns.
-    name : str
-        Name of the continuation parameter.
-    parameters : mapping of str to float
-        All parameters, with the guess of the continuation parameter.
-
-    Returns
-    -------
-    X : ndarray, shape (n,)
-        Unknowns.
-    value : float
-        Value of the parameter.
-
-    Raises
-    ------
-    NoConvergence
-        If the iteration does not converge.
+    ``parameters`` has the guess of the continuation parameter ``name``. NoConvergence is raised if the iteration fails.
     """
     values, scale = dict(parameters), np.full(len(X) + 1, problem.solution_norm(X) or 1.0)
     scale[-1] = problem.unit_of(name, parameters[name])
@@ -94,22 +73,10 @@ def shortest_step(evaluation: Evaluation, R: Array, scale: Array) -> Array:
 
 
 def refine_branch(branch: Branch) -> Branch:
-    """Return a branch with twice the harmonics; see `Branch.refined`.
+    """Return a branch with twice the harmonics, nan where no solution was found; see `Branch.refined`.
 
-    Parameters
-    ----------
-    branch : Branch
-        Branch with its problem.
-
-    Returns
-    -------
-    Branch
-        Branch with the same number of points, nan where no solution was found.
-
-    Raises
-    ------
-    ValueError
-        If the branch does not have its problem, has the largest number of harmonics or consists of special points.
+    ValueError is raised if the branch does not have its problem, has the largest number of harmonics or consists of
+    special points.
     """
     problem = branch.problem
     finer = None if problem is None else as_problem(problem).refined_problem

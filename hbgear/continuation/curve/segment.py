@@ -24,27 +24,14 @@ from hbgear.continuation.solvers.newton import SOLVER_ERRORS, NewtonSettings, So
 
 @dataclass(slots=True, eq=False)  # not frozen: frozen instances take three times as long to create
 class CurvePoint:
-    """Converged point of a curve, with its tangent. Only ``observed`` is filled later.
+    """Converged point of a curve, with its tangent. Only the monitored quantities ``observed`` are filled later.
 
-    Attributes
-    ----------
-    u : ndarray, shape (n + 1,)
-        Unknowns X and the parameter.
-    tangent : ndarray, shape (n + 1,)
-        Tangent du/ds in unscaled unknowns, of unit length in scaled unknowns.
-    orientation : int
-        Sign of det [dR/dX dR/dp; tangent^T]. It changes at branch points and not at folds.
-    residual : float
-        Relative residual.
-    iterations : int
-        Number of iterations of the corrector.
-    step : float
-        Size of the step to this point.
-    parameter_direction : int
-        +1 if the parameter increases along the curve, -1 if it decreases. On a section of constant
-        parameter it keeps its last value.
-    observed : dict
-        Monitored quantities; see `ContinuationProblem.observe`.
+    Attributes ---------- u : ndarray, shape (n + 1,) Unknowns X and the parameter. tangent : ndarray, shape (n + 1,)
+    Tangent du/ds in unscaled unknowns, of unit length in scaled unknowns. orientation : int Sign of det [dR/dX dR/dp;
+    tangent^T]. It changes at branch points and not at folds. residual : float Relative residual. iterations : int
+    Number of iterations of the corrector. step : float Size of the step to this point. parameter_direction : int +1 if
+    the parameter increases along the curve, -1 if it decreases. On a section of constant parameter it keeps its last
+    value.
     """
 
     u: Array
@@ -141,20 +128,7 @@ class BranchStart:
 
 
 def normal_of(direction: Array, scale: Array) -> Array:
-    """Return the normal of the plane that is orthogonal to a direction in scaled unknowns.
-
-    Parameters
-    ----------
-    direction : ndarray, shape (n + 1,)
-        Direction in unscaled unknowns.
-    scale : ndarray, shape (n + 1,)
-        Scales of the unknowns.
-
-    Returns
-    -------
-    ndarray, shape (n + 1,)
-        Normal in unscaled unknowns.
-    """
+    """Return the normal (n + 1,) of the plane that is orthogonal to a direction in scaled unknowns."""
     scaled: Array = direction / scale**2
     return scaled
 
@@ -168,25 +142,10 @@ def unit_normal_of(direction: Array, scale: Array) -> Array:
 
 @dataclass(frozen=True)
 class Segment:
-    """Curve between two neighbouring points a and b.
+    """Curve between two neighbouring points a and b, on which one parameter changes and the others are constant.
 
     Points between them are guessed by cubic Hermite interpolation and corrected orthogonally to b - a. A segment
     between two coinciding special points has zero length.
-
-    Attributes
-    ----------
-    problem : ContinuationProblem
-        The problem.
-    name : str
-        Name of the continuation parameter.
-    parameters : mapping of str to float
-        Values of the other parameters.
-    a, b : CurvePoint
-        First and last point.
-    scale : ndarray, shape (n + 1,)
-        Scales of the unknowns.
-    settings : NewtonSettings
-        Settings of the corrector.
     """
 
     problem: ContinuationProblem
@@ -214,39 +173,15 @@ class Segment:
         return {**self.parameters, self.name: value}
 
     def guess(self, s: float | Array) -> Array:
-        """Return the Hermite interpolation of u at a fraction s, or at several fractions.
-
-        Parameters
-        ----------
-        s : float or ndarray, shape (k, 1)
-            Fractions.
-
-        Returns
-        -------
-        ndarray, shape (n + 1,) or (k, n + 1)
-            Interpolated unknowns.
-        """
+        """Return the Hermite interpolation of u (n + 1,) at a fraction s, or (k, n + 1) at fractions (k, 1)."""
         (begin, end), square, r = self.slopes, s * s, 1.0 - s  # s = 0 and 1 give a.u and b.u exactly
         value = square * (3.0 - 2.0 * s)
         return (1.0 - value) * self.a.u + value * self.b.u + s * r * (r * begin - s * end)
 
     def at(self, s: float) -> CurvePoint:
-        """Return the corrected point at a fraction of the segment.
+        """Return the corrected point at a fraction, 0 at a and 1 at b; a for a segment of zero length.
 
-        Parameters
-        ----------
-        s : float
-            Fraction, 0 at a and 1 at b.
-
-        Returns
-        -------
-        CurvePoint
-            The point; a for a segment of zero length.
-
-        Raises
-        ------
-        NoConvergence
-            If the corrector fails there.
+        NoConvergence is raised if the corrector fails there.
         """
         if self.length == 0.0:
             return self.a
@@ -264,36 +199,14 @@ class Segment:
         return replace(self, a=a, b=b)
 
     def fraction_of(self, u: Array) -> float:
-        """Return the fraction of the segment at the orthogonal projection of a point onto it.
-
-        Parameters
-        ----------
-        u : ndarray, shape (n + 1,)
-            Unknowns of the point.
-
-        Returns
-        -------
-        float
-            The fraction; 0 for a segment of zero length.
-        """
+        """Return the fraction at the orthogonal projection of a point; 0 on a segment of zero length."""
         if self.length == 0.0:
             return 0.0
         chord = (self.b.u - self.a.u) / self.scale
         return float(chord @ ((u - self.a.u) / self.scale) / (chord @ chord))
 
     def passes(self, point: CurvePoint) -> bool:
-        """Return whether the segment passes through a known point.
-
-        Parameters
-        ----------
-        point : CurvePoint
-            The known point, with its tangent.
-
-        Returns
-        -------
-        bool
-            Whether the nearest point of the segment coincides with the known curve.
-        """
+        """Return whether the nearest point of the segment lies on the curve of a known point."""
         chord = (self.b.u - self.a.u) / self.scale
         offset = (point.u - self.a.u) / self.scale
         length, s = norm(chord), self.fraction_of(point.u)
@@ -347,53 +260,16 @@ CONSTANT_PARAMETER_SLOPE = 1e-7
 def point_from_solution(
     solution: Solution, normal: Array, scale: Array, step: float = 0.0, last: CurvePoint | None = None
 ) -> CurvePoint:
-    """Return the point of a solution, with its tangent.
+    """Return the point of a solution, with the tangent that has a positive product with ``normal``.
 
-    Parameters
-    ----------
-    solution : Solution
-        Solution with its derivatives.
-    normal : ndarray, shape (n + 1,)
-        Vector with a positive product with the tangent.
-    scale : ndarray, shape (n + 1,)
-        Scales of the unknowns.
-    step : float, optional
-        Size of the step to the point. The default is 0.
-    last : CurvePoint, optional
-        Previous point of the curve.
-
-    Returns
-    -------
-    CurvePoint
-        The point.
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        If the curve has no direction there.
+    ``step`` is the size of the step to the point, ``last`` the previous one. LinAlgError is raised if the curve has no
+    direction there.
     """
     return point_along(corrected(solution, normal), scale, step, last)
 
 
 def point_along(point: CorrectedPoint, scale: Array, step: float = 0.0, last: CurvePoint | None = None) -> CurvePoint:
-    """Return the point of a solution whose direction is known.
-
-    Parameters
-    ----------
-    point : CorrectedPoint
-        Solution and direction.
-    scale : ndarray, shape (n + 1,)
-        Scales of the unknowns.
-    step : float, optional
-        Size of the step to the point. The default is 0.
-    last : CurvePoint, optional
-        Previous point of the curve.
-
-    Returns
-    -------
-    CurvePoint
-        The point.
-    """
+    """Return the point of a solution whose direction is known; see `point_from_solution`."""
     solution, unit = point.solution, point.direction / norm(point.direction / scale)
     u = np.append(solution.X, solution.value)
     direction = parameter_direction(float(unit[-1] / scale[-1]), last.parameter_direction if last else 0)
@@ -404,35 +280,11 @@ def resolve_at_resolution(
     point: CurvePoint, problem: ContinuationProblem, name: str, parameters: Mapping[str, float], scale: Array,
     settings: NewtonSettings, fixed_value: bool = False,
 ) -> CurvePoint:  # fmt: skip
-    """Return a point at the resolution of another problem.
+    """Return a point solved at the resolution of another problem, with the scales (m + 1,) of its unknowns.
 
-    Parameters
-    ----------
-    point : CurvePoint
-        The point.
-    problem : ContinuationProblem
-        The other problem.
-    name : str
-        Name of the continuation parameter.
-    parameters : mapping of str to float
-        Values of the other parameters.
-    scale : ndarray, shape (m + 1,)
-        Scales of its unknowns.
-    settings : NewtonSettings
-        Settings of the corrector.
-    fixed_value : bool, optional
-        Whether the parameter keeps its value, as at the ends of a curve, which are solved as initial solutions are. By
-        default the corrector moves in the plane orthogonal to the curve.
-
-    Returns
-    -------
-    CurvePoint
-        The point.
-
-    Raises
-    ------
-    NoConvergence, numpy.linalg.LinAlgError
-        If the corrector fails.
+    With ``fixed_value`` the parameter keeps its value, as at the ends of a curve, which are solved as initial solutions
+    are. By default the corrector moves in the plane orthogonal to the curve. NoConvergence or LinAlgError is raised if
+    it fails.
     """
     X, direction = problem.resized(point.X), np.append(problem.resized(point.tangent[:-1]), point.tangent[-1])
     if fixed_value:

@@ -87,14 +87,8 @@ SAME_SEGMENT_FRACTION = 1e-3
 class Comparison:
     """A special point at another number of unknowns.
 
-    Attributes
-    ----------
-    value : float
-        Value of the parameter, nan if the point was not found.
-    distance : float
-        Scaled distance from the original location.
-    locate : callable
-        Function that locates the point to all digits, and returns None if that fails.
+    ``value`` is the parameter there, nan if the point was not found, and ``distance`` the scaled distance from the
+    original location. ``locate`` locates the point to all digits, and returns None if that fails.
     """
 
     value: float
@@ -108,25 +102,11 @@ _NOT_FOUND = Comparison(math.nan, math.inf, lambda: None)
 def estimate_error(segment: Segment, event: LocatedEvent, accuracy: float, work: Work | None = None) -> LocatedEvent:
     """Return a special point with its error estimate, refined until the error is below the target.
 
-    Parameters
-    ----------
-    segment : Segment
-        Segment on which the point was found.
-    event : LocatedEvent
-        The special point.
-    accuracy : float
-        Target error, relative to the size of the parameter (`ContinuationProblem.unit_of`).
-    work : Work, optional
-        Limit of the work; none by default. If it is reached, the last error estimate is kept. So it is if the highest
-        resolution has no comparison.
-
-    Returns
-    -------
-    LocatedEvent
-        The special point. Its error is infinite if it does not exist at other numbers of unknowns, and nan if there is
-        no other number for a comparison, or the limit of the work allows none. It is not located, with an infinite
-        error, if its multipliers at the largest number of unknowns deviate by more than 1e-3 from the values that the
-        event requires.
+    The target is relative to the size of the parameter (`ContinuationProblem.unit_of`). The last estimate is kept if
+    the limit of the work is reached or the highest resolution has no comparison. The error is infinite if the point
+    does not exist at other numbers of unknowns, and nan if there is no other number for a comparison, or the limit of
+    the work allows none. The point is not located, with an infinite error, if its multipliers at the largest number of
+    unknowns deviate by more than 1e-3 from the values that the event requires.
     """
     under_resolved = (
         is_under_resolved(segment.problem, end.X, end.observed.get("error", 0.0)) for end in (segment.a, segment.b)
@@ -221,22 +201,7 @@ def _comparison(
 
 
 def is_under_resolved(problem: ContinuationProblem, X: Array, error: float) -> bool:
-    """Return whether a solution is too inaccurate to be an initial guess at a higher resolution.
-
-    Parameters
-    ----------
-    problem : ContinuationProblem
-        The problem.
-    X : ndarray, shape (n,)
-        The solution.
-    error : float
-        Estimated error of the solution.
-
-    Returns
-    -------
-    bool
-        Whether the error exceeds half of the solution norm.
-    """
+    """Return whether the error of a solution exceeds half of its norm: too much for a guess at a higher resolution."""
     return error > UNDER_RESOLVED_ERROR * problem.solution_norm(X)
 
 

@@ -59,20 +59,7 @@ class BranchPointEvent(BuiltInEvent):
 
 
 def as_traced(branch: Branch, point: SpecialPoint) -> SpecialPoint:
-    """Return a special point at the resolution of its branch.
-
-    Parameters
-    ----------
-    branch : Branch
-        The branch.
-    point : SpecialPoint
-        Special point of it, which may have been located with more unknowns.
-
-    Returns
-    -------
-    SpecialPoint
-        The special point with the unknowns of the branch.
-    """
+    """Return a special point at the resolution of its branch; it may have been located with more unknowns."""
     if point.layout == branch.layout:
         return point
     return replace(point, X=branch.X[point.index], parameters=branch.parameters_at(point.index), layout=branch.layout)

@@ -19,40 +19,15 @@ from hbgear.continuation.results.point import SpecialPoint
 
 
 def event_of(branch: Branch, point: SpecialPoint) -> Event | None:
-    """Return the event of a special point of a branch: the one that located it, or one of the problem.
+    """Return the event of a special point of a branch with its problem: the one that located it, or one of the problem.
 
-    Parameters
-    ----------
-    branch : Branch
-        Branch with its problem.
-    point : SpecialPoint
-        Special point of it.
-
-    Returns
-    -------
-    Event or None
-        The event; None for an event of the user whose branch was loaded from a file.
+    It is None for an event of the user whose branch was loaded from a file.
     """
     return event_at(as_problem(branch.problem), branch.parameter, point)
 
 
 def event_at(problem: ContinuationProblem, parameter: str, point: SpecialPoint) -> Event | None:
-    """Return the event of a special point of a curve of a problem; see `event_of`.
-
-    Parameters
-    ----------
-    problem : ContinuationProblem
-        The problem.
-    parameter : str
-        Parameter of the curve.
-    point : SpecialPoint
-        Special point of the curve.
-
-    Returns
-    -------
-    Event or None
-        The event, if it is known.
-    """
+    """Return the event of a special point of a curve of a problem; see `event_of`."""
     stored = [] if point.event is None else [point.event]
     problem_events = events_of(problem, parameter)
     return next((event for event in (*stored, *problem_events) if event.kind == point.kind), None)
@@ -62,18 +37,6 @@ def events_of(problem: ContinuationProblem, parameter: str) -> tuple[Event, ...]
     """Return the events detected along a curve: folds (or cusps), branch points, and the events of the problem.
 
     An event of the problem replaces the common event of its kind.
-
-    Parameters
-    ----------
-    problem : ContinuationProblem
-        The problem.
-    parameter : str
-        Parameter of the curve.
-
-    Returns
-    -------
-    tuple of Event
-        The events.
     """
     turning = CuspEvent() if problem.turning_kind == CuspEvent.kind else FoldEvent()
     problem_events = problem.events(parameter)
@@ -85,24 +48,7 @@ def events_of(problem: ContinuationProblem, parameter: str) -> tuple[Event, ...]
 
 
 class EventDetector:
-    """Detector of events along a curve.
-
-    Parameters
-    ----------
-    events : sequence of Event
-        Kinds of special points.
-    problem : ContinuationProblem
-        The problem.
-    name : str
-        Name of the continuation parameter.
-    fixed : dict of str to float
-        Values of the other parameters.
-
-    Raises
-    ------
-    ValueError
-        If two events have the same kind.
-    """
+    """Detector of events of different kinds along a curve in the parameter ``name``, the others fixed."""
 
     def __init__(
         self, events: Sequence[Event], problem: ContinuationProblem, name: str, fixed: dict[str, float]

@@ -222,27 +222,9 @@ def find_even_crossings(
     path: SampledCurve,
     k: int,
 ) -> list[tuple[Segment, LocatedEvent]]:
-    """Search part of a sampled curve for events that happen an even number of times.
+    """Search part k of a sampled curve, a segment, for candidate events that happen an even number of times.
 
-    Parameters
-    ----------
-    detector : EventDetector
-        Events and their test functions.
-    segment : Segment
-        Segment between the ends of the part.
-    candidates : sequence of (Event, float)
-        Candidate events, each with a fraction of the segment.
-    solved : callable
-        Function ``(segment, s) -> CurvePoint or None`` that solves for a point on the segment.
-    path : SampledCurve
-        The sampled curve.
-    k : int
-        Number of the part.
-
-    Returns
-    -------
-    list of (Segment, LocatedEvent)
-        Special points, each with the segment on which it was located.
+    The result holds special points, each with the segment on which it was located.
     """
     first, kinds = min(k, 1), path.kinds[k : k + 2]
     curve_points = path.points[k - first : k + 3]  # with one point on either side
@@ -271,20 +253,10 @@ def find_even_crossings(
 
 
 def drop_odd_counts(points: Sequence[LocatedEvent], explained: bool = False) -> list[LocatedEvent]:
-    """Return special points without the kinds that occur an odd number of times between equal signs.
+    """Return special points between equal signs without the kinds that occur an odd number of times.
 
-    Parameters
-    ----------
-    points : sequence of LocatedEvent
-        Special points of a segment with equal signs at its ends.
-    explained : bool, optional
-        Whether other special points of the segment may explain an odd number of events with
-        `Event.needs_two_sides`. The default is False.
-
-    Returns
-    -------
-    list of LocatedEvent
-        The remaining special points.
+    With ``explained``, other special points of the segment may explain an odd number of events with
+    `Event.needs_two_sides`.
     """
     odd = {kind for kind, count in Counter(p.event.kind for p in points if p.finder is None).items() if count % 2}
     return [

@@ -58,15 +58,7 @@ from hbgear.continuation.solvers.newton import (
 
 @dataclass(frozen=True)
 class RefinedLocation:
-    """Special point located with more unknowns than its curve has.
-
-    Attributes
-    ----------
-    problem : ContinuationProblem
-        The problem with more unknowns.
-    point : CurvePoint
-        The point.
-    """
+    """Special point located with a problem of more unknowns than its curve has."""
 
     problem: ContinuationProblem
     point: CurvePoint
@@ -464,26 +456,9 @@ def locate_root(
 ) -> LocatedEvent:  # fmt: skip
     """Locate a special point as the bracketed root of a test function along a segment.
 
-    Parameters
-    ----------
-    segment : Segment
-        Segment with a sign change of the test function.
-    event : Event
-        Kind of special point.
-    test : callable
-        Test function of a point.
-    note : str, optional
-        Remark for the user.
-    fine : float, optional
-        Tolerance of the root, as a fraction of the segment. At a fold, its square enters the parameter. The default is
-        1e-13.
-    first : float, optional
-        First fraction at which the test function is evaluated; nan (default) if no estimate is known.
-
-    Returns
-    -------
-    LocatedEvent
-        The special point. If the corrector fails, the end with the smaller test function, which is not located.
+    ``fine`` is the tolerance of the root, as a fraction of the segment; at a fold, its square enters the parameter. The
+    test function is evaluated at the fraction ``first`` at first, if that is not nan. If the corrector fails, the
+    result is the end with the smaller test function, which is not located.
     """
     points: dict[float, CurvePoint] = {0.0: segment.a, 1.0: segment.b}
     values: dict[float, float] = {}
@@ -538,33 +513,10 @@ def locate_by_newton(
     note: str = "",
     margin: float = MAX_FRACTION_BEYOND_END,
 ) -> LocatedEvent:
-    """Locate a special point by Newton's method on its equations.
+    """Locate a special point by Newton's method on its equations, from the fraction s of a segment.
 
-    Parameters
-    ----------
-    segment : Segment
-        Segment with the special point.
-    event : Event
-        Kind of special point.
-    extended : MinimallyAugmentedProblem
-        Equations of the special point.
-    s : float
-        Fraction of the segment at which the iteration starts.
-    note : str, optional
-        Remark for the user.
-    margin : float, optional
-        Largest fraction of the segment by which the point may lie beyond its ends. It allows for equations that are
-        more accurate than the test function. The default is 1e-6.
-
-    Returns
-    -------
-    LocatedEvent
-        The special point.
-
-    Raises
-    ------
-    NoConvergence
-        If Newton's method fails or leaves the segment.
+    The point may lie beyond the ends by the fraction ``margin``, for equations that are more accurate than the test
+    function. NoConvergence is raised if Newton's method fails or leaves the segment.
     """
     u = segment.guess(s)
     settings = _location_settings(segment.settings)

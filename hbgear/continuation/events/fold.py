@@ -25,24 +25,7 @@ from hbgear.continuation.solvers.newton import SOLVER_ERRORS, NoConvergence
 def equations_of_fold(
     problem: ContinuationProblem, parameter: str, X: Array, parameters: Mapping[str, float]
 ) -> MinimallyAugmentedProblem:
-    """Return the equations of a fold at a solution, or of the corner at which the curve turns back, if there is one.
-
-    Parameters
-    ----------
-    problem : ContinuationProblem
-        Problem of the curve.
-    parameter : str
-        Parameter of the curve.
-    X : ndarray, shape (n,)
-        Unknowns at the fold.
-    parameters : mapping of str to float
-        All parameters at the fold.
-
-    Returns
-    -------
-    MinimallyAugmentedProblem
-        `FoldProblem`, or the equations of `Event.corner`.
-    """
+    """Return the equations of a fold at a solution, or of the corner at which the curve turns back, if there is one."""
     if problem.is_nonsmooth:
         corners = (event.corner(problem, parameter, X, parameters) for event in problem.events(parameter))
         corner: MinimallyAugmentedProblem | None = next((e for e in corners if e is not None), None)
@@ -159,24 +142,9 @@ def fold_on_segment(segment: Segment) -> float:
 
 
 def far_side_of_fold(segment: Segment, value: float) -> Array:
-    """Return the unknowns u at which the parameter returns to a value after a fold on a segment.
+    """Return the unknowns u (n + 1,) at which the parameter returns to a value after a fold on a segment.
 
-    Parameters
-    ----------
-    segment : Segment
-        Segment with a fold.
-    value : float
-        Value of the parameter.
-
-    Returns
-    -------
-    ndarray, shape (n + 1,)
-        Unknowns and parameter.
-
-    Raises
-    ------
-    NoConvergence, numpy.linalg.LinAlgError
-        If the parameter does not return to this value, or the corrector fails.
+    NoConvergence or LinAlgError is raised if it does not return to this value, or the corrector fails.
     """
     behind = segment.part(segment.at(fold_on_segment(segment)), segment.b)
     event = locate_root(behind, FoldEvent(), lambda point: point.value - value, fine=1e-9)

@@ -12,25 +12,14 @@ from hbgear.common.arrays import Array
 
 
 def near_zeros(f: Array, length: Array) -> list[tuple[int, float]]:
-    """Return the segments on which test functions may cross zero an even number of times.
+    """Return the segments on which test functions f (P, T) at P points, some lengths apart, may cross zero twice.
 
-    A segment is a candidate if one of these conditions holds:
+    Each segment has the fraction at which the test function is closest to zero. It is a candidate if one of these
+    conditions holds:
 
     - the parabola through three points has its extremum on the segment and comes close to zero there,
     - the secants through the two points on either side both reach zero before they intersect,
     - one of these secants reaches zero within the fraction `SECANT_REACH` of the segment.
-
-    Parameters
-    ----------
-    f : ndarray, shape (P, T)
-        Values of T test functions at P points.
-    length : ndarray, shape (P - 1,)
-        Lengths of the segments between the points.
-
-    Returns
-    -------
-    list of (int, float)
-        Number of each segment, and the fraction at which the test function is closest to zero.
     """
     from hbgear.continuation.events.near_tangency_kernel import near_zeros_kernel
 

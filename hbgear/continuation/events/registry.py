@@ -30,20 +30,9 @@ def _always(problem: ContinuationProblem, parameter: str) -> bool:
 class RegisteredEvent:
     """Entry of the registry.
 
-    Attributes
-    ----------
-    name : str
-        Name in `trace` and on the command line.
-    create : callable
-        Class, or function without arguments that returns the event.
-    meaning : str
-        Description of the special point.
-    default : bool
-        Whether a problem that has the event locates it in every trace.
-    origin : str
-        Module that registered the event.
-    applies : callable
-        Function of the problem and the parameter that returns whether the event can be located on its curves.
+    ``create`` returns the event, ``default`` is True if a problem that has the event locates it in every trace,
+    ``origin`` is the module that registered it, and ``applies`` returns whether it can be located on the curves of a
+    problem in a parameter.
     """
 
     name: str
@@ -145,29 +134,12 @@ def _module_of(event: Any) -> str:
 
 
 def optional_events() -> dict[str, RegisteredEvent]:
-    """Return the registered events that are located if their names are given.
-
-    Returns
-    -------
-    dict
-        Entries by name.
-    """
+    """Return the registered events by name that are located if their names are given."""
     return {name: entry for name, entry in EVENTS.items() if not entry.default}
 
 
 def event_of_kind(kind: str) -> Event | None:
-    """Return the event of a user that is registered with a kind, for special points from files.
-
-    Parameters
-    ----------
-    kind : str
-        Kind of the special point.
-
-    Returns
-    -------
-    Event or None
-        The event; None if none is registered.
-    """
+    """Return the event of a user that is registered with a kind, for special points from files, or None."""
     events = (entry.create() for entry in optional_events().values() if entry.name not in RESERVED)
     return next((event for event in events if event.kind == kind), None)
 
@@ -175,24 +147,7 @@ def event_of_kind(kind: str) -> Event | None:
 def resolved_events(events: Sequence[Event | str], problem: ContinuationProblem, parameter: str) -> tuple[Event, ...]:
     """Return events, with names replaced by the events of the problem and of the registry.
 
-    Parameters
-    ----------
-    events : sequence of Event or str
-        Events and names.
-    problem : ContinuationProblem
-        Problem of the curve.
-    parameter : str
-        Continuation parameter.
-
-    Returns
-    -------
-    tuple of Event
-        The events.
-
-    Raises
-    ------
-    ValueError
-        If no event has the name, or the event cannot be located on curves of the problem.
+    ValueError is raised if no event has a name, or the event cannot be located on curves of the problem.
     """
     resolved = []
     standard = {event.kind: event for event in events_of(problem, parameter)}

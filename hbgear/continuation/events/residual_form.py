@@ -25,30 +25,10 @@ RESIDUAL_FORM_ACCURACY = 1e-5
 
 
 def in_residual_form(problem: Any, point: AnyPoint, parameter: str, event: Event | None) -> tuple[Any, AnyPoint]:
-    """Return the residual form of a problem, and a point in its unknowns.
+    """Return the residual form of a problem, and a point in its unknowns; both as given if the problem has a residual.
 
-    The residual form is refined until it has the point at the same value of the parameter.
-
-    Parameters
-    ----------
-    problem : ContinuationProblem
-        Problem of the point.
-    point : Point
-        Point of a curve.
-    parameter : str
-        Parameter of the curve.
-    event : Event or None
-        Kind of a special point.
-
-    Returns
-    -------
-    (ContinuationProblem, Point)
-        The arguments themselves if the problem has a residual of its own.
-
-    Raises
-    ------
-    NoConvergence
-        If the residual form does not have the point at its highest resolution.
+    The residual form is refined until it has the point, a special one of kind ``event`` or any, at the same value of
+    the parameter. NoConvergence is raised if it does not have the point at its highest resolution.
     """
     form = problem.residual_form
     if form is problem:

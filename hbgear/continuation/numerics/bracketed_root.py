@@ -29,26 +29,8 @@ def find_root_bracketed(
 ) -> float:
     """Return the root of a continuous function between two points at which it has different signs.
 
-    Parameters
-    ----------
-    function : callable
-        Function of one number.
-    low, high : float
-        Ends of the bracket.
-    tolerance : float
-        Largest distance between the result and the root.
-    first : float, optional
-        First point, between `low` and `high`. By default it is the middle.
-
-    Returns
-    -------
-    float
-        The root.
-
-    Raises
-    ------
-    ValueError
-        If the values at the ends have the same sign, or a value is nan.
+    The result is within ``tolerance`` of the root. ``first`` is the first point evaluated, by default the middle.
+    ValueError is raised if the values at the ends have the same sign, or a value is nan.
     """
     a, b = high, low
     fa, fb = function(a), function(b)

@@ -23,37 +23,16 @@ Matrix: TypeAlias = Any
 
 
 def norm(x: Array) -> float:
-    """Return the Euclidean norm of all entries.
+    """Return the Euclidean norm of all entries of a real or complex array.
 
     `numpy.linalg.norm` takes several times as long for short arrays.
-
-    Parameters
-    ----------
-    x : ndarray
-        Real or complex array.
-
-    Returns
-    -------
-    float
-        The norm.
     """
     x = x.ravel().view(float)
     return math.sqrt(x.dot(x))
 
 
 def norms(x: Array) -> Array:
-    """Return the Euclidean norm of all entries of each x[p].
-
-    Parameters
-    ----------
-    x : ndarray, shape (P, ...)
-        Real or complex arrays.
-
-    Returns
-    -------
-    ndarray, shape (P,)
-        The norms.
-    """
+    """Return the Euclidean norms (P,) of all entries of each x[p], real or complex."""
     flat = x.reshape(len(x), math.prod(x.shape[1:]))
     if flat.dtype == complex:
         flat = flat.view(float)
@@ -62,58 +41,18 @@ def norms(x: Array) -> Array:
 
 
 def dense(A: Matrix) -> bool:
-    """Return whether a matrix, or a stack of matrices, is a numpy array.
-
-    Parameters
-    ----------
-    A : Matrix
-        Dense or sparse matrix.
-
-    Returns
-    -------
-    bool
-        False for a sparse matrix.
-    """
+    """Return whether a matrix, or a stack of matrices, is a numpy array."""
     return isinstance(A, np.ndarray)
 
 
 def as_dense(A: Matrix) -> Array:
-    """Return a matrix as a numpy array.
-
-    Parameters
-    ----------
-    A : Matrix
-        Dense or sparse matrix.
-
-    Returns
-    -------
-    ndarray
-        The matrix.
-    """
+    """Return a dense or sparse matrix as a numpy array."""
     full: Array = A if dense(A) else A.toarray()
     return full
 
 
 def solve_linear(A: Matrix, b: Array) -> Array:
-    """Return A^-1 b.
-
-    Parameters
-    ----------
-    A : Matrix, shape (n, n)
-        Dense or sparse matrix.
-    b : ndarray, shape (n,) or (n, r)
-        Right-hand side.
-
-    Returns
-    -------
-    ndarray
-        The solution.
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        If A is singular or not finite.
-    """
+    """Return A^-1 b for one or several right-hand sides; LinAlgError if A is singular or not finite."""
     if not dense(A):
         return Factors(A).solve(b)
     return _solve_dense(A, b)[2]
@@ -128,27 +67,7 @@ def _solve_dense(A: Array, b: Array) -> tuple[Array, np.ndarray, Array]:
 
 
 def solve_signed(A: Matrix, b: Array) -> tuple[Array, int]:
-    """Return A^-1 b and the sign of det A.
-
-    Parameters
-    ----------
-    A : Matrix, shape (n, n)
-        Dense or sparse matrix.
-    b : ndarray, shape (n, r)
-        Right-hand sides.
-
-    Returns
-    -------
-    x : ndarray, shape (n, r)
-        The solutions.
-    sign : int
-        +1 or -1.
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        If A is singular.
-    """
+    """Return A^-1 b for b (n, r), and the sign of det A; LinAlgError if A is singular."""
     if dense(A) and len(A) <= SMALL:
         from hbgear.continuation.numerics.gauss_kernels import solve_in_place
 
@@ -172,17 +91,8 @@ SMALL = 100
 class Factors:
     """Factors A = P L U of a real or complex matrix, dense or sparse, to solve with A, its transpose and its adjoint.
 
-    Solutions with a dense matrix that is exactly singular, or not finite, are not finite.
-
-    Parameters
-    ----------
-    A : Matrix, shape (n, n)
-        Dense or sparse matrix.
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        If a sparse matrix is exactly singular.
+    Solutions with a dense matrix that is exactly singular, or not finite, are not finite. A sparse matrix that is
+    exactly singular raises LinAlgError.
     """
 
     def __init__(self, A: Matrix) -> None:
@@ -198,35 +108,11 @@ class Factors:
             raise np.linalg.LinAlgError(str(error)) from None
 
     def solve(self, b: Array, transposed: bool = False) -> Array:
-        """Return A^-1 b, or A^-T b.
-
-        Parameters
-        ----------
-        b : ndarray, shape (n,) or (n, r)
-            Right-hand side.
-        transposed : bool, optional
-            True to solve with the transpose. The default is False.
-
-        Returns
-        -------
-        ndarray
-            The solution.
-        """
+        """Return A^-1 b, or A^-T b if ``transposed``, for one or several right-hand sides."""
         return self._solved(b, "T" if transposed else "N")
 
     def adjoint_solve(self, b: Array) -> Array:
-        """Return A^-H b.
-
-        Parameters
-        ----------
-        b : ndarray, shape (n,) or (n, r)
-            Right-hand side.
-
-        Returns
-        -------
-        ndarray
-            The solution.
-        """
+        """Return A^-H b for one or several right-hand sides."""
         return self._solved(b, "H")
 
     def _solved(self, b: Array, operation: str) -> Array:
@@ -243,15 +129,7 @@ class Factors:
         return x
 
     def slogdet(self) -> tuple[float, float]:
-        """Return the sign and the logarithm of the magnitude of det A, for a sparse matrix.
-
-        Returns
-        -------
-        sign : float
-            +1, -1 or 0.
-        logarithm : float
-            Natural logarithm of the magnitude.
-        """
+        """Return the sign (+1, -1 or 0) and the logarithm of the magnitude of det A, for a sparse matrix."""
         diagonal = self._lu.U.diagonal()
         sign = _parity(self._lu.perm_r) * _parity(self._lu.perm_c) * np.prod(np.sign(diagonal))
         with np.errstate(divide="ignore"):
@@ -267,20 +145,7 @@ def _parity(permutation: Array) -> int:
 
 
 def slogdet(A: Matrix) -> tuple[float, float]:
-    """Return the sign and the logarithm of the magnitude of det A.
-
-    Parameters
-    ----------
-    A : Matrix, shape (n, n)
-        Dense or sparse matrix.
-
-    Returns
-    -------
-    sign : float
-        +1, -1 or 0.
-    logarithm : float
-        Natural logarithm of the magnitude.
-    """
+    """Return the sign (+1, -1 or 0) and the logarithm of the magnitude of det A."""
     if dense(A):
         sign, log = np.linalg.slogdet(A)
         return float(sign), float(log)
@@ -290,16 +155,8 @@ def slogdet(A: Matrix) -> tuple[float, float]:
 def is_singular(A: Matrix) -> bool:
     """Return whether a matrix is singular up to rounding.
 
-    Parameters
-    ----------
-    A : Matrix, shape (n, n)
-        Dense or sparse matrix.
-
-    Returns
-    -------
-    bool
-        For a dense matrix by the condition number after scaling of its rows, False if it is not finite. For a sparse
-        matrix only exact singularity is detected.
+    A dense matrix is judged by its condition number after scaling of its rows; one that is not finite is not singular.
+    Of a sparse matrix only exact singularity is detected.
     """
     if not dense(A):
         try:
@@ -318,24 +175,7 @@ MAX_CONDITION = 1e13
 
 
 def bordered(A: Matrix, column: Array, row: Array, corner: float = 0.0) -> Matrix:
-    """Return the bordered matrix [A column; row^T corner].
-
-    Parameters
-    ----------
-    A : Matrix, shape (n, n)
-        Dense or sparse matrix.
-    column : ndarray, shape (n,)
-        Last column.
-    row : ndarray, shape (n,) or (n + 1,)
-        Last row, with or without the corner.
-    corner : float, optional
-        Last entry of the diagonal, if `row` does not have it. The default is 0.
-
-    Returns
-    -------
-    Matrix, shape (n + 1, n + 1)
-        Dense or sparse, like A.
-    """
+    """Return the bordered matrix [A column; row^T corner], dense or sparse like A; the row may include the corner."""
     n = len(column)
     row, corner = (row[:n], row[n]) if len(row) > n else (row, corner)
     if not dense(A):

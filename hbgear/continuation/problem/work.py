@@ -29,20 +29,10 @@ DEFAULT_LIMIT = 25.0
 
 @dataclass
 class Work:
-    """Work done so far, and its limit.
+    """Limit of the work, in solutions with 700 unknowns, and the three sums so far.
 
-    Attributes
-    ----------
-    limit : float
-        Largest sum, in solutions with 700 unknowns.
-    spent : float, optional
-        Sum so far. The default is 0.
-    estimated : float, optional
-        Sum of the first error estimates so far. The default is 0.
-    verified : float, optional
-        Sum of the exact motions so far. The default is 0.
-    refused : int, optional
-        Number of solutions that were refused. The default is 0.
+    ``spent`` is the sum of solutions, ``estimated`` that of first error estimates, ``verified`` that of exact motions,
+    and ``refused`` the number of solutions that were refused.
     """
 
     limit: float
@@ -62,20 +52,7 @@ class Work:
         )
 
     def allows(self, unknowns: int, solutions: int = 1) -> bool:
-        """Count solutions with a number of unknowns if the bound allows them.
-
-        Parameters
-        ----------
-        unknowns : int
-            Number of unknowns of each solution.
-        solutions : int, optional
-            Number of solutions. The default is 1.
-
-        Returns
-        -------
-        bool
-            False if they are refused. They are not counted then.
-        """
+        """Count solutions with a number of unknowns if the bound allows them; return False if they are refused."""
         weight = _weight(unknowns, solutions)
         if weight > MAX_FRACTION * (self.limit - self.spent):
             self.refused += 1
@@ -84,26 +61,11 @@ class Work:
         return True
 
     def estimates(self, unknowns: int, solutions: int = 1) -> bool:
-        """Count solutions of a first error estimate if the second sum allows them.
+        """Count solutions of a first error estimate if the second sum allows them; return False if they are refused.
 
         One estimate may take all of the remaining work.
 
-        Parameters
-        ----------
-        unknowns : int
-            Number of unknowns of each solution.
-        solutions : int, optional
-            Number of solutions. The default is 1.
-
-        Returns
-        -------
-        bool
-            False if they are refused.
-
-        Examples
-        --------
-        >>> work = Work(1.0, spent=1.0)
-        >>> work.allows(70), work.estimates(70), work.estimates(700)
+        Examples -------- >>> work = Work(1.0, spent=1.0) >>> work.allows(70), work.estimates(70), work.estimates(700)
         (False, True, False)
         """
         weight = _weight(unknowns, solutions)
@@ -114,20 +76,7 @@ class Work:
         return True
 
     def verifies(self, unknowns: int, solutions: int = 1) -> bool:
-        """Count solutions for an exact motion if the third sum allows them.
-
-        Parameters
-        ----------
-        unknowns : int
-            Number of states of the structure.
-        solutions : int, optional
-            Number of solutions. The default is 1.
-
-        Returns
-        -------
-        bool
-            False if they are refused.
-        """
+        """Count solutions for an exact motion with a number of states if the third sum allows them, else False."""
         if self.verified >= self.limit:
             self.refused += 1
             return False
@@ -150,18 +99,6 @@ class Work:
         """Return whether a curve may be traced again at the cost of solutions. False counts as a refusal.
 
         The solutions may take half of the limit, and at most half of it may be spent.
-
-        Parameters
-        ----------
-        unknowns : int
-            Number of unknowns of each solution.
-        solutions : int, optional
-            Number of solutions. The default is 1.
-
-        Returns
-        -------
-        bool
-            True if the limit is large enough.
         """
         afforded = max(_weight(unknowns, solutions), self.spent) <= MAX_FRACTION * self.limit
         self.refused += not afforded

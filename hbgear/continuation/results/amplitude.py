@@ -11,26 +11,7 @@ from hbgear.continuation.results.point import MAX_DERIVATIVE, dof_index, measure
 def amplitudes(
     branch: BranchData, measure: str, element: int | str, dof: int | str | None = None, derivative: int = 0
 ) -> Array:
-    """Return a measure of amplitude of each point; see `Branch.amplitude`.
-
-    Parameters
-    ----------
-    branch : BranchData
-        Branch with P points.
-    measure : str
-        Name of the measure, such as "rms".
-    element : int or str
-        Index or name of the element.
-    dof : int or str, optional
-        Index or name of a degree of freedom, which is used instead of the element.
-    derivative : int, optional
-        Order of the derivative in time. The default is 0.
-
-    Returns
-    -------
-    ndarray, shape (P,)
-        Values of the measure.
-    """
+    """Return a measure of amplitude (P,) of each point; see `Branch.amplitude`."""
     counted("derivative", derivative, MAX_DERIVATIVE, least=0)
     layout = require_layout(branch.layout)
     coefficients = layout.rows(branch.X, element) if dof is None else _coefficients_of_dof(branch, dof)

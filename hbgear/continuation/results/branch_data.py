@@ -46,12 +46,7 @@ _UNSAVED_FIELDS = ("problem", "event", "full_motion")
 class FullMotion:
     """Coordinates of all points of a branch, for models that a file cannot rebuild.
 
-    Attributes
-    ----------
-    names : tuple of str
-        Names of the n coordinates.
-    rows : ndarray, shape (P, n, ...)
-        Coefficients of each coordinate, in the form of the coefficients of an element.
+    ``rows`` has the shape (P, n, ...): coefficients of each of the n coordinates, in the form of those of an element.
     """
 
     names: tuple[str, ...]
@@ -59,37 +54,13 @@ class FullMotion:
 
 
 def saved_fields(value: Any) -> dict[str, Any]:
-    """Return the fields of a point, jump or branch that files store.
-
-    Parameters
-    ----------
-    value : Point, Jump or BranchData
-        Object to be stored.
-
-    Returns
-    -------
-    dict of str to object
-        All fields except those that hold code.
-    """
+    """Return the fields of a point, jump or branch that files store: all except those that hold code."""
     fields = dataclasses.fields(value)
     return {field.name: getattr(value, field.name) for field in fields if field.name not in _UNSAVED_FIELDS}
 
 
 def relative_errors(X: Array, error: Array) -> Array:
-    """Return the errors of solutions, relative to their norms over sqrt 2.
-
-    Parameters
-    ----------
-    X : ndarray, shape (P, n)
-        Unknowns of each solution.
-    error : ndarray, shape (P,)
-        Estimated error of each solution.
-
-    Returns
-    -------
-    ndarray, shape (P,)
-        Relative errors, not finite where a solution is zero.
-    """
+    """Return the errors (P,) of solutions X (P, n) over their norms / sqrt 2, not finite at zero solutions."""
     with np.errstate(all="ignore"):
         relative: Array = error * math.sqrt(2) / np.linalg.norm(X, axis=1)
     return relative

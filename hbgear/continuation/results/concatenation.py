@@ -13,22 +13,10 @@ _ARRAYS = ("values", "X", "iterations", "residual", "regime", "error", "step", "
 
 
 def append_continuation(first: Branch, second: Branch) -> Branch:
-    """Return a branch and its continuation from its last point, as one branch.
+    """Return a branch and its continuation from its last point, as one branch with status and message of the second.
 
     Both get the number of harmonics of the larger one, and the result has its problem. Special points are numbered
     consecutively. Jumps are removed and have to be searched again.
-
-    Parameters
-    ----------
-    first : Branch
-        Branch.
-    second : Branch
-        Branch that starts at the last point of `first`.
-
-    Returns
-    -------
-    Branch
-        Points of both, with status and message of `second`.
     """
     n, problem = len(first), most_resolved(first, second)
     first, second = padded_to_common_size(first, second)
@@ -51,19 +39,10 @@ def append_continuation(first: Branch, second: Branch) -> Branch:
 
 
 def concatenate(backward: Branch, forward: Branch) -> Branch:
-    """Return two traces that left one point in opposite directions, as one branch.
+    """Return two traces that left one point in opposite directions, as one branch to the last point of ``forward``.
 
-    Special points are numbered consecutively. The message states how both traces ended.
-
-    Parameters
-    ----------
-    backward, forward : Branch
-        The traces. The new branch goes from the last point of `backward` to that of `forward`.
-
-    Returns
-    -------
-    Branch
-        Points of both. The status is taken from the trace that is not complete, if there is one.
+    Special points are numbered consecutively. The message states how both traces ended. The status is taken from the
+    trace that is not complete, if there is one.
     """
     names = (*_ARRAYS, "multipliers")
     arrays: dict[str, Any] = {name: x[::-1] for name in names if (x := getattr(backward, name)) is not None}
@@ -78,53 +57,18 @@ def concatenate(backward: Branch, forward: Branch) -> Branch:
 
 
 def with_asymptotes(meta: dict[str, Any], **ends: float | None) -> dict[str, Any]:
-    """Return the header of a branch with its asymptotes.
-
-    Parameters
-    ----------
-    meta : dict
-        Header with or without asymptotes, which are replaced.
-    **ends : float or None
-        Parameter value at which the solutions grow without bound beyond the "first" or the "last" point.
-
-    Returns
-    -------
-    dict
-        A new header.
-    """
+    """Return the header of a branch with other asymptotes, beyond its "first" and its "last" point."""
     new = {end: value for end, value in ends.items() if value is not None}
     return {name: x for name, x in meta.items() if name != "asymptotes"} | ({"asymptotes": new} if new else {})
 
 
 def most_resolved(*branches: Branch) -> Any:
-    """Return the problem of the branch with the largest number of unknowns.
-
-    Parameters
-    ----------
-    *branches : Branch
-        Branches, of which at least one has a problem.
-
-    Returns
-    -------
-    object
-        The problem; of several equal ones the last.
-    """
+    """Return the problem of the last branch with the largest number of unknowns among those with a problem."""
     return max((b for b in reversed(branches) if b.problem is not None), key=lambda b: b.X.shape[1]).problem
 
 
 def padded_to_common_size(*branches: Branch) -> list[Branch]:
-    """Return the branches with the number of harmonics of the largest.
-
-    Parameters
-    ----------
-    *branches : Branch
-        Branches of one model.
-
-    Returns
-    -------
-    list of Branch
-        Branches of one layout. Harmonics that a branch does not have are zero.
-    """
+    """Return branches of one model with the number of harmonics of the largest, padded with zeros."""
     largest = max(branches, key=lambda b: b.X.shape[1])
     return [b if b.layout == largest.layout else _padded(b, largest) for b in branches]
 

@@ -20,32 +20,13 @@ from hbgear.continuation.results.branch_data import BranchData
 
 @dataclass(frozen=True)
 class Crossing:
-    """A position on the segment between the points ``index`` and ``index + 1`` of a branch.
-
-    Attributes
-    ----------
-    index : int
-        Number of the first point of the segment.
-    fraction : float
-        Fraction s of the segment, from 0 to 1.
-    """
+    """A position between the points ``index`` and ``index + 1`` of a branch, at a fraction from 0 to 1."""
 
     index: int
     fraction: float
 
     def interpolate(self, array: Array) -> Array:
-        """Return the value of an array over the points, interpolated linearly.
-
-        Parameters
-        ----------
-        array : ndarray, shape (P,) or (P, n)
-            Array over the points of the branch.
-
-        Returns
-        -------
-        ndarray, shape () or (n,)
-            Value at the crossing.
-        """
+        """Return the value of an array (P, ...) over the points of the branch, interpolated linearly."""
         x: Array = (1 - self.fraction) * array[self.index] + self.fraction * array[self.index + 1]
         return x
 
@@ -61,27 +42,10 @@ class Crossing:
 
 
 def crossings_at(branch: BranchData, value: float) -> list[Crossing]:
-    """Return the crossings of a branch with a value of its parameter.
+    """Return the crossings of a branch with a value of its parameter, in the order of the branch, without duplicates.
 
-    Parameters
-    ----------
-    branch : BranchData
-        Branch.
-    value : float
-        Value of its parameter.
-
-    Returns
-    -------
-    list of Crossing
-        Crossings in the order of the branch, without duplicates.
-
-    Examples
-    --------
-    >>> import hbgear as hb
-    >>> curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.5, 0.8))
-    >>> (crossing,) = crossings_at(curve, 0.7)
-    >>> round(float(crossing.interpolate(curve.values)), 12)
-    0.7
+    Examples -------- >>> import hbgear as hb >>> curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.5,
+    0.8)) >>> (crossing,) = crossings_at(curve, 0.7) >>> round(float(crossing.interpolate(curve.values)), 12) 0.7
     """
     x = branch.values - value
     side = np.sign(x)
@@ -97,25 +61,12 @@ def crossings_at(branch: BranchData, value: float) -> list[Crossing]:
 def interpolate_along(at: Array, x: Array, y: Array) -> Array:
     """Return a quantity on a section of a curve between folds, by cubic splines over the length along it.
 
-    Parameters
-    ----------
-    at : ndarray, shape (Q,)
-        Values of the parameter, from the first to the last one of the section.
-    x, y : ndarray, shape (P,)
-        Parameter, ascending, and quantity at the points of the section.
+    x, ascending, and y are the parameter and the quantity at the points of the section; the result is y where x is
+    ``at``.
 
-    Returns
-    -------
-    ndarray, shape (Q,)
-        Quantity at these values.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> angle = np.linspace(-np.pi / 2, 0, 24)  # a quarter of a circle with a fold at its end
-    >>> y = interpolate_along(np.array([0.6, 0.999]), np.cos(angle), np.sin(angle))
-    >>> bool(np.abs(y + np.sqrt([0.64, 1 - 0.999**2])).max() < 1e-5)
-    True
+    Examples -------- >>> import numpy as np >>> angle = np.linspace(-np.pi / 2, 0, 24)  # a quarter of a circle with a
+    fold at its end >>> y = interpolate_along(np.array([0.6, 0.999]), np.cos(angle), np.sin(angle)) >>> bool(np.abs(y +
+    np.sqrt([0.64, 1 - 0.999**2])).max() < 1e-5) True
     """
     steps = np.hypot(*(np.diff(z) / (np.ptp(z) or 1.0) for z in (x, y)))
     distinct = np.append(True, steps > _COINCIDENCE)

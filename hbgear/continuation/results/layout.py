@@ -50,18 +50,7 @@ class HasNeutralRegime(Protocol):
 
 
 def neutral_regime_of(layout: Any) -> int:
-    """Return the code of the most severe regime of neutral solutions; -1 if there are none.
-
-    Parameters
-    ----------
-    layout : LayoutProtocol or None
-        Layout of the solutions.
-
-    Returns
-    -------
-    int
-        Regime code.
-    """
+    """Return the code of the most severe regime of neutral solutions of a layout; -1 if there are none."""
     return layout.neutral_regime if isinstance(layout, HasNeutralRegime) else -1
 
 

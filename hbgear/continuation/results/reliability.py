@@ -30,18 +30,7 @@ MAX_RELATIVE_ERROR = 1e-2
 
 
 def branch_warnings(branch: BranchData) -> tuple[str, ...]:
-    """Return the reasons why a branch is not reliable everywhere; see `Branch.warnings`.
-
-    Parameters
-    ----------
-    branch : BranchData
-        Traced branch.
-
-    Returns
-    -------
-    tuple of str
-        One sentence for each reason.
-    """
+    """Return one sentence for each reason why a branch is not reliable everywhere; see `Branch.warnings`."""
     out = [*_inaccurate_special_points(branch), *_undecided_points(branch)]
     if (
         branch.stable is not None
@@ -158,50 +147,20 @@ def _is_displaced_between(branch: BranchData, point: SpecialPoint, a: int, b: in
 def unexplained_changes(codes: NDArray[np.int_], kinds: Mapping[int, Sequence[str]]) -> list[tuple[int, int]]:
     """Return pairs of neighbouring points of different stability without a special point between them.
 
-    Undecided points are not compared. Special points, whose critical multiplier lies on the unit circle, are not
-    compared either.
+    ``codes`` are the stability codes (P,), ``kinds`` the kinds of special points at which stability can change, by the
+    number of their point. Undecided points are not compared. Special points, whose critical multiplier lies on the unit
+    circle, are not compared either.
 
-    Parameters
-    ----------
-    codes : ndarray of int, shape (P,)
-        Stability code of each point.
-    kinds : dict of int to sequence of str
-        Kinds of the special points at which stability can change, by the number of their point.
-
-    Returns
-    -------
-    list of tuple of int
-        Numbers of both points of each pair.
-
-    Examples
-    --------
-    >>> unexplained_changes(np.array([1, 1, 0, 0]), {})
-    [(1, 2)]
-    >>> unexplained_changes(np.array([1, 1, 0, 0]), {1: ["LP"]})
-    []
+    Examples -------- >>> unexplained_changes(np.array([1, 1, 0, 0]), {}) [(1, 2)] >>> unexplained_changes(np.array([1,
+    1, 0, 0]), {1: ["LP"]}) []
     """
     return [(a, b) for a, b in _compared_pairs(codes, kinds) if codes[a] != codes[b] and not _between(a, b, kinds)]
 
 
 def stable_on_both_sides(codes: NDArray[np.int_], kinds: Mapping[int, Sequence[str]]) -> list[int]:
-    """Return the numbers of the folds with stable points on both sides.
+    """Return the numbers of the folds with stable points on both sides; see `unexplained_changes`.
 
-    Parameters
-    ----------
-    codes : ndarray of int, shape (P,)
-        Stability code of each point.
-    kinds : dict of int to sequence of str
-        Kinds of the special points at which stability can change, by the number of their point.
-
-    Returns
-    -------
-    list of int
-        Numbers of the points that hold the folds.
-
-    Examples
-    --------
-    >>> stable_on_both_sides(np.array([1, 1, 1]), {1: ["LP"]})
-    [1]
+    Examples -------- >>> stable_on_both_sides(np.array([1, 1, 1]), {1: ["LP"]}) [1]
     """
     out = []
     for a, b in _compared_pairs(codes, kinds):

@@ -39,35 +39,15 @@ more.
 
 
 def is_stable(multipliers: ComplexArray) -> NDArray[np.bool_]:
-    """Return whether no multiplier lies outside the unit circle.
-
-    Parameters
-    ----------
-    multipliers : ndarray of complex, shape (..., r)
-        Multipliers of each solution.
-
-    Returns
-    -------
-    ndarray of bool, shape (...)
-        The errors of the multipliers are ignored.
-    """
+    """Return for each solution whether no multiplier (..., r) lies outside the unit circle; errors are ignored."""
     return np.asarray(np.abs(multipliers).max(axis=-1, initial=0.0) <= 1 + STABILITY_TOLERANCE)
 
 
 def scaled_determinant(multipliers: ComplexArray, critical: float) -> Array:
-    """Return det(Phi - critical I), moduli limited to `MAX_DETERMINANT_MODULUS`; its sign and its zeros are the same.
+    """Return det(Phi - critical I) for multipliers (P, r), nan where they are unknown; its sign and zeros are exact.
 
-    Parameters
-    ----------
-    multipliers : ndarray of complex, shape (P, r)
-        Multipliers of P solutions.
-    critical : float
-        +1 at folds and branch points, -1 at period doublings.
-
-    Returns
-    -------
-    ndarray, shape (P,)
-        Determinants, nan where the multipliers are unknown.
+    Moduli are limited to `MAX_DETERMINANT_MODULUS`. ``critical`` is +1 at folds and branch points, -1 at period
+    doublings.
     """
     # a factor, because the division of a complex nan warns
     scale = 1.0 / np.maximum(np.abs(multipliers) / MAX_DETERMINANT_MODULUS, 1.0)
@@ -80,19 +60,9 @@ MAX_DETERMINANT_MODULUS = 1e6
 
 
 def product_of_pairs(multipliers: ComplexArray) -> float:
-    """Return the product of mu_i mu_j - 1 over all pairs i < j of multipliers, with factors limited to 1.
+    """Return the product of mu_i mu_j - 1 over all pairs i < j of the multipliers (r,), with factors limited to 1.
 
     It is zero where a complex pair is on the unit circle, and at neutral saddles, where the pair is real.
-
-    Parameters
-    ----------
-    multipliers : ndarray of complex, shape (r,)
-        Multipliers of a solution.
-
-    Returns
-    -------
-    float
-        The product.
     """
     first, second = np.triu_indices(len(multipliers), 1)
     factors = multipliers[first] * multipliers[second] - 1
@@ -100,19 +70,9 @@ def product_of_pairs(multipliers: ComplexArray) -> float:
 
 
 def stability_codes(multipliers: ComplexArray, modulus_error: Array) -> NDArray[np.int_]:
-    """Return the code of the stability of each solution.
+    """Return the code of the stability of each solution, its position in `STABILITY_STATES`.
 
-    Parameters
-    ----------
-    multipliers : ndarray of complex, shape (..., r)
-        Multipliers of each solution, nan where they are unknown.
-    modulus_error : ndarray, shape (...)
-        Estimated error of the largest modulus, nan where it is unknown.
-
-    Returns
-    -------
-    ndarray of int, shape (...)
-        Positions in `STABILITY_STATES`.
+    Multipliers (..., r) and the error of the largest modulus are nan where they are unknown.
     """
     modulus = np.abs(multipliers).max(axis=-1, initial=0.0)
     undecided = (np.abs(modulus - 1.0) <= modulus_error) & (modulus_error > STABILITY_TOLERANCE)
@@ -121,21 +81,9 @@ def stability_codes(multipliers: ComplexArray, modulus_error: Array) -> NDArray[
 
 
 def stability_names(codes: NDArray[np.int_], regime: NDArray[np.int8], neutral_regime: int) -> list[str]:
-    """Return the name of the stability of each solution.
+    """Return the name of the stability of P solutions, from their codes (P,) and the regimes (P, m) of the elements.
 
-    Parameters
-    ----------
-    codes : ndarray of int, shape (P,)
-        Codes of the stability.
-    regime : ndarray of int8, shape (P, m)
-        Regime code of each element.
-    neutral_regime : int
-        Largest regime code of stable solutions that are neutral; -1 if there are none.
-
-    Returns
-    -------
-    list of str
-        Names of `STABILITY_STATES`.
+    Stable solutions are neutral if their largest regime is ``neutral_regime``; -1 if there are none.
     """
     worst = np.max(regime, axis=1, initial=-1) if regime.ndim == 2 else np.full(len(codes), -1)
     neutral = (codes == STABLE) & (worst == neutral_regime) & (neutral_regime >= 0)

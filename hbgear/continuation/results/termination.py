@@ -11,13 +11,7 @@ from hbgear.continuation.results.status import Status
 
 
 class TraceInterrupted(KeyboardInterrupt):
-    """Ctrl-C within a trace that is a part of a larger computation.
-
-    Attributes
-    ----------
-    branch : Branch
-        The traced part.
-    """
+    """Ctrl-C within a trace that is a part of a larger computation; ``branch`` is the traced part."""
 
     def __init__(self, branch: Branch) -> None:
         super().__init__(branch.message)
@@ -25,24 +19,9 @@ class TraceInterrupted(KeyboardInterrupt):
 
 
 def raise_if_interrupted(branch: Branch) -> Branch:
-    """Return the branch if Ctrl-C did not interrupt it.
+    """Return the result of `trace`; raise `TraceInterrupted` if Ctrl-C interrupted it.
 
     `trace` returns the traced part after Ctrl-C, with a status. A computation of several traces has to end as a whole.
-
-    Parameters
-    ----------
-    branch : Branch
-        Result of `trace`.
-
-    Returns
-    -------
-    Branch
-        The same branch.
-
-    Raises
-    ------
-    TraceInterrupted
-        If the trace was interrupted.
     """
     if branch.status is Status.INTERRUPTED:
         raise TraceInterrupted(branch)
@@ -51,18 +30,9 @@ def raise_if_interrupted(branch: Branch) -> Branch:
 
 @dataclass
 class Termination:
-    """Status and message of a result.
+    """Status and message of a result, and the error or KeyboardInterrupt that ended the computation.
 
-    Attributes
-    ----------
-    status : Status
-        Reason why the computation ended.
-    message : str
-        The same in one sentence.
-    error : BaseException or None
-        Error or KeyboardInterrupt that ended the computation.
-    advice : str
-        Recommended action of the user if the computation is not complete; by default that of the status of a trace.
+    ``advice`` is the recommended action of the user if the computation is not complete, by default that of the status.
     """
 
     status: Status = Status.REACHED_END
@@ -71,14 +41,9 @@ class Termination:
     advice: str = ""
 
     def record_error(self, error: BaseException, location: str) -> None:
-        """Record Ctrl-C or an error that ended the computation or a part of it. Only the first one is kept.
+        """Record Ctrl-C or an error that ended the computation or a part of it, at a location such as "after 3 curves".
 
-        Parameters
-        ----------
-        error : BaseException
-            The error.
-        location : str
-            Position in the computation, such as "after 3 curves".
+        Only the first one is kept.
         """
         if self.error is not None:
             return
@@ -89,28 +54,12 @@ class Termination:
             self.status, self.message = Status.FAILED, f"an error {location}: {error_text(error)}"
 
     def record_end(self, status: Status, message: str) -> None:
-        """Record the end of the computation, unless an error was recorded.
-
-        Parameters
-        ----------
-        status : Status
-            Reason for the end.
-        message : str
-            The same in one sentence.
-        """
+        """Record the end of the computation, unless an error was recorded."""
         if self.error is None:
             self.status, self.message = status, message
 
     def merge(self, branch: Branch, name: str) -> None:
-        """Take over the status of one of several traces. The first trace that is not complete is kept.
-
-        Parameters
-        ----------
-        branch : Branch
-            Result of the trace.
-        name : str
-            Name of the trace in the message, such as "the response curve at zeta = 0.1".
-        """
+        """Take over the status of one of several traces with a name; the first incomplete one is kept."""
         if not branch.status.complete and self.status.complete:
             self.status, self.message = branch.status, f"{name} ended early: {branch.message.partition('. ')[0]}"
 
@@ -122,18 +71,7 @@ class Termination:
 
 
 def error_text(error: BaseException) -> str:
-    """Return an error in one line.
-
-    Parameters
-    ----------
-    error : BaseException
-        The error.
-
-    Returns
-    -------
-    str
-        Its class, its message, and the file and line where it was raised.
-    """
+    """Return an error in one line: its class, its message, and the file and line where it was raised."""
     frames = traceback.extract_tb(error.__traceback__)
     location = f" ({Path(frames[-1].filename).name}, line {frames[-1].lineno})" if frames else ""
     text = " ".join(str(error).split())

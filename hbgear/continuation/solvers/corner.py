@@ -51,33 +51,11 @@ def step_over_corner(
     problem: Any, u: Array, tangent: Array, orientation: int, scale: Array, smallest: float, turn: float, name: str,
     fixed: Mapping[str, float], settings: NewtonSettings,
 ) -> tuple[CorrectedPoint, float] | None:  # fmt: skip
-    """Return a point beyond a corner near the last point of a curve, with the size of the step.
+    """Return a point beyond a corner near the last point u (n + 1,) of a curve, and the size of the step; None without.
 
-    Parameters
-    ----------
-    problem : ContinuationProblem
-        The problem.
-    u, tangent : ndarray, shape (n + 1,)
-        Last point and its tangent.
-    orientation : int
-        Sign of the determinant at the last point.
-    scale : ndarray, shape (n + 1,)
-        Scales of the unknowns and of the parameter.
-    smallest : float
-        Smallest step size, at which the usual step failed.
-    turn : float
-        Largest angle [deg] between the step to the new point and the direction of the curve there.
-    name : str
-        Name of the continuation parameter.
-    fixed : mapping of str to float
-        Values of the other parameters.
-    settings : NewtonSettings
-        Settings of the corrector.
-
-    Returns
-    -------
-    tuple or None
-        The point with its oriented direction, and the step; None if there is no such point.
+    ``smallest`` is the smallest step size, at which the usual step failed, and ``turn`` the largest angle [deg] between
+    the step to the new point and the direction of the curve there. The direction of the point is oriented along the
+    curve.
     """
     equations, direction = _Equations(problem, name, fixed, settings), tangent / norm(tangent / scale)
     for distance in PROBE_DISTANCES:

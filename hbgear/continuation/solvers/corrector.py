@@ -26,14 +26,8 @@ from hbgear.continuation.solvers.newton import NewtonSettings, NoConvergence, So
 class CorrectedPoint(NamedTuple):
     """A solution with the direction of the curve.
 
-    Attributes
-    ----------
-    solution : Solution
-        The solution.
-    direction : ndarray, shape (n + 1,)
-        Direction t of the curve, A t = (0, ..., 0, 1) with A = [dR_dX dR_dp; normal^T].
-    orientation : int
-        Sign of det A.
+    The direction t (n + 1,) solves A t = (0, ..., 0, 1) with A = [dR_dX dR_dp; normal^T]; ``orientation`` is the sign
+    of det A.
     """
 
     solution: Solution
@@ -50,35 +44,11 @@ def correct(
     problem: Any, u: Array, normal: Array, name: str, parameters: Mapping[str, float],
     settings: NewtonSettings = NewtonSettings(), polish_above: float = 1.0,
 ) -> CorrectedPoint:  # fmt: skip
-    """Return the solution in the plane normal^T (u' - u) = 0 of a predicted point.
+    """Return the solution in the plane normal^T (u' - u) = 0 of a predicted point u = (X, value).
 
-    Parameters
-    ----------
-    problem : ContinuationProblem or object with ``evaluate``
-        The problem.
-    u : ndarray, shape (n + 1,)
-        Predicted unknowns and value of the parameter.
-    normal : ndarray, shape (n + 1,)
-        Normal of the plane.
-    name : str
-        The parameter.
-    parameters : mapping of str to float
-        The other parameters.
-    settings : NewtonSettings, optional
-        Tolerances and number of iterations.
-    polish_above : float, optional
-        Fraction of the tolerance above which a converged point gets one more iteration, because predictions are often
-        accepted with few correct digits. The default is 1: no further iteration.
-
-    Returns
-    -------
-    CorrectedPoint
-        The solution with its direction.
-
-    Raises
-    ------
-    NoConvergence
-        If the iteration diverges, the bordered matrix is singular, or ``settings.max_iterations`` is reached.
+    ``polish_above`` is the fraction of the tolerance above which a converged point gets one more iteration, because
+    predictions are often accepted with few correct digits; by default no point does. NoConvergence is raised if the
+    iteration diverges, the bordered matrix is singular, or ``settings.max_iterations`` is reached.
     """
     from hbgear.continuation.stepping.kernels import CONVERGED, DIVERGED, newton_status
 
@@ -113,24 +83,9 @@ def correct(
 
 
 def corrected(solution: Solution, normal: Array) -> CorrectedPoint:
-    """Return a solution with its direction.
+    """Return a solution with its direction, from a normal (n + 1,) that is not orthogonal to the curve.
 
-    Parameters
-    ----------
-    solution : Solution
-        The solution.
-    normal : ndarray, shape (n + 1,)
-        A vector that is not orthogonal to the curve.
-
-    Returns
-    -------
-    CorrectedPoint
-        The same solution, its direction and orientation.
-
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        If the bordered matrix is singular: at a branch point, or with a normal orthogonal to the curve.
+    LinAlgError is raised if the bordered matrix is singular: at a branch point, or with an orthogonal normal.
     """
     rhs = np.zeros((len(normal), 1))
     rhs[-1] = 1.0

@@ -18,18 +18,7 @@ from hbgear.continuation.solvers.newton import NewtonSettings
 
 
 def same_solution(X: Array, Y: Array) -> bool:
-    """Return whether two solutions are the same.
-
-    Parameters
-    ----------
-    X, Y : ndarray, shape (n,)
-        Solutions.
-
-    Returns
-    -------
-    bool
-        True if they differ by less than 1e-6 of their size.
-    """
+    """Return whether two solutions differ by less than 1e-6 of their size."""
     return float(np.linalg.norm(X - Y)) < 1e-6 * (1e-3 + float(np.linalg.norm(Y)))
 
 
@@ -43,24 +32,7 @@ _MAX_DEFLATED_ITERATIONS = 60
 def deflated_newton(
     problem: ContinuationProblem, X: Array, parameters: dict[str, float], solutions: list[Array]
 ) -> Array | None:
-    """Return a solution other than the known ones.
-
-    Parameters
-    ----------
-    problem : ContinuationProblem
-        The problem.
-    X : ndarray, shape (n,)
-        Start.
-    parameters : dict of str to float
-        All parameters of the problem.
-    solutions : list of ndarray, shape (n,)
-        Known solutions.
-
-    Returns
-    -------
-    ndarray, shape (n,), or None
-        The solution. None if the iteration does not converge to a new one.
-    """
+    """Return a solution other than the known ones from a start X (n,); None if no new one is found."""
     scale = max([float(np.linalg.norm(Y)) for Y in solutions] + [1e-6])
     evaluation = problem.linearise(X, "", **parameters)
     for _ in range(_MAX_DEFLATED_ITERATIONS):

@@ -25,28 +25,8 @@ def solve_along(
 ) -> Solution:
     """Return the solution at the end s = 1 of a path, which is followed by arclength, through its folds.
 
-    Parameters
-    ----------
-    path : ContinuationProblem
-        Equations with the parameter s in [0, 1] that have the solutions of the problem at s = 1.
-    problem : ContinuationProblem or object with ``evaluate``
-        The problem.
-    X : ndarray, shape (n,)
-        Solution of the path at s = 0.
-    parameters : mapping of str to float
-        All parameters of the problem.
-    steps : int, optional
-        Maximum number of steps along the path. The default is 300.
-
-    Returns
-    -------
-    Solution
-        The solution.
-
-    Raises
-    ------
-    NoConvergence
-        If the path does not reach s = 1 within this number of steps.
+    ``path`` has the solution X at s = 0, and the solutions of the problem at s = 1. NoConvergence is raised if it does
+    not reach s = 1 within a number of steps.
     """
     size = float(np.linalg.norm(X))
     u, h = np.append(X, 0.0), 0.05

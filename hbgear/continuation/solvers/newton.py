@@ -105,21 +105,7 @@ class NewtonSettings:
 
 @dataclass(frozen=True)
 class Solution:
-    """A converged point.
-
-    Attributes
-    ----------
-    X : ndarray, shape (n,)
-        Unknowns.
-    value : float
-        Value of the parameter.
-    evaluation : Evaluation
-        Residual and derivatives.
-    iterations : int
-        Number of Newton iterations.
-    residual : float
-        Relative residual.
-    """
+    """A converged point: unknowns (n,), value of the parameter, and the evaluation there."""
 
     X: Array
     value: float
@@ -129,41 +115,13 @@ class Solution:
 
 
 def solution_at(problem: ContinuationProblem, u: Array, name: str, parameters: Mapping[str, float]) -> Solution:
-    """Return the solution at a known position, with its evaluation.
-
-    Parameters
-    ----------
-    problem : ContinuationProblem
-        The problem.
-    u : ndarray, shape (n + 1,)
-        Unknowns and the value of the parameter.
-    name : str
-        The parameter.
-    parameters : mapping of str to float
-        The other parameters.
-
-    Returns
-    -------
-    Solution
-        The solution.
-    """
+    """Return the solution at a known position u = (X, value of the parameter), with its evaluation."""
     evaluation = linearise(problem, u[:-1], name, {**parameters, name: float(u[-1])})
     return Solution(u[:-1], float(u[-1]), evaluation, 0, norm(evaluation.R) / evaluation.size)
 
 
 def on_curve(solution: Solution) -> Solution:
-    """Return the solution of a curve from the solution of the equations of a special point on it.
-
-    Parameters
-    ----------
-    solution : Solution
-        Solution of augmented equations, with the parameter of the curve as the last unknown.
-
-    Returns
-    -------
-    Solution
-        Solution of the equations of the curve at that value of the parameter.
-    """
+    """Return the solution of a curve from that of augmented equations, with its parameter as last unknown."""
     R, J, _, size = solution.evaluation
     n = len(R) - 1
     evaluation = Evaluation(R[:n], J[:n, :n], as_dense(J[:n, n:]).ravel(), size)
@@ -177,30 +135,10 @@ def solve(
     name: str = "",
     settings: NewtonSettings = NewtonSettings(),
 ) -> Solution:
-    """Return the solution near a start at fixed parameters, by Newton's method with step halving.
+    """Return the solution near a start X (n,) at fixed parameters, by Newton's method with step halving.
 
-    Parameters
-    ----------
-    problem : ContinuationProblem or object with ``evaluate``
-        The problem.
-    X : ndarray, shape (n,)
-        Start.
-    parameters : mapping of str to float
-        All parameters of the problem.
-    name : str, optional
-        The parameter whose value and derivative the solution holds. By default they are nan and 0.
-    settings : NewtonSettings, optional
-        Tolerance and number of iterations.
-
-    Returns
-    -------
-    Solution
-        The solution.
-
-    Raises
-    ------
-    NoConvergence
-        If the residual does not fall below the tolerance.
+    The solution holds the value of the parameter ``name`` and the derivative in it; without a name they are nan and 0.
+    NoConvergence is raised if the residual does not fall below the tolerance.
     """
     X = np.array(X, dtype=float)
     problem = as_problem(problem).with_borders_at(X, parameters)
@@ -263,22 +201,6 @@ def refine(
 
     It gives special points, at which a residual at the tolerance determines few digits of the unknowns, the accuracy of
     the other points.
-
-    Parameters
-    ----------
-    problem : ContinuationProblem
-        The problem.
-    solution : Solution
-        Converged solution.
-    parameters : mapping of str to float
-        All parameters of the problem.
-    name : str, optional
-        The parameter whose derivative the solution holds. By default it is 0.
-
-    Returns
-    -------
-    Solution
-        The solution with the smaller residual.
     """
     problem = problem.with_borders_at(solution.X, parameters)
     try:
@@ -293,17 +215,6 @@ def refine(
 
 
 def describe(parameters: Mapping[str, float]) -> str:
-    """Return the parameters as text.
-
-    Parameters
-    ----------
-    parameters : mapping of str to float
-        Values by name.
-
-    Returns
-    -------
-    str
-        Text such as ``p = 0.9, zeta = 0.05``, of at most four parameters.
-    """
+    """Return at most four parameters as text such as ``p = 0.9, zeta = 0.05``."""
     shown = [f"{k} = {v:.6g}" for k, v in list(parameters.items())[:4]]
     return ", ".join(shown)

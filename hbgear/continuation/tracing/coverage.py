@@ -43,16 +43,11 @@ class TraceFunction(Protocol):
 class CoverageSearch(NamedTuple):
     """Functions and settings of a search for further curves.
 
-    Attributes
-    ----------
-    follow : callable
-        Traces from one end of a span to the other: from a start, or from the initial solution of the problem. With
-        ``rough=True`` stability and special points are not computed.
-    start : callable
-        Returns a solution at a value of the parameter, near given unknowns or, for None, as computed by the problem.
-        Its direction leads to larger values.
-    settings : NewtonSettings or None
-        Settings of the corrector for the jumps of curves that are traced in both directions; None for no jumps.
+    ``follow`` traces from one end of a span to the other: from a start, or from the initial solution of the problem.
+    With ``rough=True`` stability and special points are not computed. ``start`` returns a solution at a value of the
+    parameter, near given unknowns or, for None, as computed by the problem; its direction leads to larger values.
+    ``settings`` are those of the corrector for the jumps of curves that are traced in both directions; None for no
+    jumps.
     """
 
     follow: TraceFunction
@@ -61,28 +56,12 @@ class CoverageSearch(NamedTuple):
 
 
 def uncovered_intervals(branches: Sequence[Branch], span: tuple[float, float]) -> list[tuple[float, float]]:
-    """Return the intervals of a span that no branch covers, in ascending order.
+    """Return the lower and upper ends of the intervals of a span that no branch covers, in ascending order.
 
     A branch whose solutions tend to infinity covers the interval up to its asymptote.
 
-    Parameters
-    ----------
-    branches : sequence of Branch
-        Traced branches.
-    span : (float, float)
-        Span of the parameter.
-
-    Returns
-    -------
-    list of (float, float)
-        Lower and upper end of each interval.
-
-    Examples
-    --------
-    >>> import hbgear as hb
-    >>> curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 3), "Omega", (0.5, 0.7))
-    >>> uncovered_intervals([curve], (0.9, 0.4))
-    [(0.4, 0.5), (0.7, 0.9)]
+    Examples -------- >>> import hbgear as hb >>> curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 3), "Omega", (0.5,
+    0.7)) >>> uncovered_intervals([curve], (0.9, 0.4)) [(0.4, 0.5), (0.7, 0.9)]
     """
     low, high = sorted(map(float, span))
     values = [np.append(b.values, list(b.asymptotes.values())) for b in branches]
@@ -111,20 +90,8 @@ def cover_span(
 ) -> None:
     """Search the intervals that a branch does not cover for further curves, and append them to ``others``.
 
-    Each curve is appended when its trace is finished, so that an interrupted search keeps the curves found.
-
-    Parameters
-    ----------
-    first : Branch
-        Branch that does not cover its span.
-    others : list of Branch
-        Further curves; extended in place.
-    span : (float, float)
-        Span of the parameter.
-    search : CoverageSearch
-        Functions of the search.
-    inside : bool, optional
-        Whether solutions are also searched away from the ends of the span. The default is True.
+    Each curve is appended when its trace is finished, so that an interrupted search keeps the curves found. With
+    ``inside=False`` solutions are searched at the ends of the span only.
     """
     if any(low <= span[1] <= high for low, high in uncovered_intervals([first], span)):
         with suppress(*SEARCH_ERRORS):
@@ -183,23 +150,10 @@ def _smallest(branch: Branch) -> BranchStart:
 def trace_both_directions(
     start: BranchStart, span: tuple[float, float], follow: Follow, settings: NewtonSettings | None
 ) -> Branch:
-    """Trace the curve through a point inside a span in both directions.
+    """Trace the curve through a point inside a span in both directions; return both parts in one.
 
-    Parameters
-    ----------
-    start : BranchStart
-        Point inside the span.
-    span : (float, float)
-        Span of the parameter.
-    follow : callable
-        Traces from a start towards the second end of a span.
-    settings : NewtonSettings or None
-        Settings of the corrector for jumps; None for a branch without jumps.
-
-    Returns
-    -------
-    Branch
-        Both parts in one.
+    ``follow`` traces from a start towards the second end of a span. ``settings`` are those of the corrector for jumps;
+    None for a branch without jumps.
     """
     low, high = sorted(span)
     forward = follow((low, high), start)
@@ -216,23 +170,9 @@ def reversed_span_message(name: str, value: float) -> str:
 
 
 def coverage_message(first: Branch, others: Sequence[Branch], span: tuple[float, float], inside: bool = True) -> str:
-    """Return the message on the coverage of a span.
+    """Return the message on the coverage of a span by a traced branch and others; empty if the first one covers it.
 
-    Parameters
-    ----------
-    first : Branch
-        Traced branch.
-    others : sequence of Branch
-        Further curves of the span.
-    span : (float, float)
-        Span of the parameter.
-    inside : bool, optional
-        The same as in `cover_span`.
-
-    Returns
-    -------
-    str
-        The message; empty if the first branch covers the span.
+    ``inside`` is the same as in `cover_span`.
     """
     missing = uncovered_intervals([first, *others], span)
     texts = []

@@ -42,13 +42,7 @@ FOLD_SAMPLES = 8
 
 
 class CurveEnds:
-    """Detects the ends of a curve, and computes its last point there.
-
-    Attributes
-    ----------
-    state : TraceState
-        State of the trace.
-    """
+    """Detects the ends of a curve, and computes its last point there."""
 
     def __init__(self, state: TraceState) -> None:
         self.state = state

@@ -42,17 +42,7 @@ class _Section:
 
 
 class EvenCrossingSearch:
-    """Finds special points between points at which test functions have equal signs.
-
-    Attributes
-    ----------
-    state : TraceState
-        State of the trace.
-    monitor : Monitor
-        Monitor of its points.
-    detector : EventDetector
-        Test functions.
-    """
+    """Finds special points between points at which test functions have equal signs."""
 
     def __init__(self, state: TraceState, monitor: Monitor, detector: EventDetector) -> None:
         self.state, self.monitor, self.detector = state, monitor, detector

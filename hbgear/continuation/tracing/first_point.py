@@ -58,14 +58,9 @@ ZERO_SOLUTION_RATIO = 1e-12
 
 
 class ArbitrarySolutionError(NoConvergence):
-    """The initial solution is one of a continuum.
+    """The initial solution is one of a continuum; ``problem`` has the equations that choose one solution of it.
 
-    Attributes
-    ----------
-    problem : ContinuationProblem
-        Equations that choose one solution of the continuum.
-    description : str
-        Description of the arbitrary quantity.
+    ``description`` states the arbitrary quantity.
     """
 
     def __init__(
@@ -78,14 +73,9 @@ class ArbitrarySolutionError(NoConvergence):
 def begin(setup: TraceSetup, start: Point | BranchStart | Array | None) -> tuple[TraceState, list[CurvePoint]]:
     """Return the state of a trace at its first point, and the second point where the first one is a special point.
 
-    Raises
-    ------
-    NoConvergence
-        If no solution is found, or the curve has no direction there.
-    ArbitrarySolutionError
-        If the solution found is one of a continuum.
-    ValueError
-        If the start lies outside the span or has a wrong number of unknowns.
+    NoConvergence is raised if no solution is found, or the curve has no direction there, `ArbitrarySolutionError` if
+    the solution found is one of a continuum, and ValueError if the start lies outside the span or has a wrong number of
+    unknowns.
     """
     if isinstance(start, BranchStart):
         return _begin_branch(setup, start)
@@ -194,10 +184,7 @@ def _search_resolved(
 def _initial_point(state: TraceState, solution: Solution) -> CurvePoint:
     """Return the first point, with its tangent in the direction of the span, and set the scales.
 
-    Raises
-    ------
-    numpy.linalg.LinAlgError
-        If the curve has no direction there.
+    LinAlgError is raised if the curve has no direction there.
     """
     problem, span = state.problem, state.setup.span
     state.update_scale(solution.X, float(problem.solution_norm(solution.X)))
@@ -243,34 +230,9 @@ def point_on_branch(
     scale: Array,
     settings: NewtonSettings,
 ) -> CurvePoint:
-    """Return the point at a scaled distance along the direction of a branch.
+    """Return the point at a scaled distance ``step`` along the direction of a branch from its start.
 
-    Parameters
-    ----------
-    problem : ContinuationProblem
-        Problem of the branch.
-    start : BranchStart
-        Start of the branch.
-    step : float
-        Distance from the start.
-    name : str
-        Parameter of the branch.
-    parameters : mapping
-        Values of the other parameters.
-    scale : ndarray, shape (n + 1,)
-        Scales of the unknowns and of the parameter.
-    settings : NewtonSettings
-        Settings of the corrector.
-
-    Returns
-    -------
-    CurvePoint
-        The point.
-
-    Raises
-    ------
-    NoConvergence, numpy.linalg.LinAlgError
-        If the corrector fails.
+    NoConvergence or LinAlgError is raised if the corrector fails.
     """
     direction = start.direction / np.linalg.norm(start.direction / scale)
     u = np.append(start.X, start.parameters[name]) + step * direction
@@ -281,10 +243,7 @@ def point_on_branch(
 def _first_two_points(state: TraceState, start: BranchStart) -> tuple[CurvePoint, CurvePoint]:
     """Return the special point at which a branch leaves another one, and the next point of the branch.
 
-    Raises
-    ------
-    NoConvergence, numpy.linalg.LinAlgError
-        If no point of the branch is found near the special point.
+    NoConvergence or LinAlgError is raised if no point of the branch is found near the special point.
     """
     setup, scale = state.setup, state.scale
     smallest = MIN_STEP_RATIO * setup.settings.steps.first_step

@@ -42,19 +42,8 @@ def find_jumps(branch: Branch, settings: NewtonSettings = NewtonSettings()) -> t
     has the label of that point. The sweep lands on the stable section of the same curve at the same parameter value. If
     there are several, it lands on the one with the nearest motion; see `nearest`. If the section loses its stability at
     a branch point from which a stable branch leads on, the sweep continues on that branch and does not jump, and if a
-    stable motion of twice the period leads on from a period doubling, there is no jump in the list.
-
-    Parameters
-    ----------
-    branch : Branch
-        Traced branch.
-    settings : NewtonSettings, optional
-        Settings of the corrector.
-
-    Returns
-    -------
-    tuple of Jump
-        Jumps in the order of the branch; empty without multipliers or problem.
+    stable motion of twice the period leads on from a period doubling, there is no jump in the list. There are no jumps
+    without multipliers or problem.
     """
     if branch.multipliers is None or branch.problem is None:
         return ()
@@ -146,23 +135,10 @@ def _solutions_on_other_sections(
 
 
 def motions_at(branch: Branch, value: float, settings: NewtonSettings, *, skip: range = range(0)) -> list[Solution]:
-    """Return the solutions of a branch at a value of its parameter, from the points on both sides of the value.
+    """Return the solutions of a branch at a value of its parameter, in the order of the branch.
 
-    Parameters
-    ----------
-    branch : Branch
-        Traced branch.
-    value : float
-        Value of the parameter.
-    settings : NewtonSettings
-        Settings of the corrector.
-    skip : range, optional
-        Numbers of the segments that are not searched. By default all are searched.
-
-    Returns
-    -------
-    list of Solution
-        Solutions in the order of the branch; a crossing at which the corrector fails is left out.
+    They are solved from the points on both sides of the value, except on the segments ``skip``; a crossing at which the
+    corrector fails is left out.
     """
     solutions, problem = [], as_problem(branch.problem)
     for crossing in crossings_at(branch, value):
@@ -182,10 +158,7 @@ def motions_at(branch: Branch, value: float, settings: NewtonSettings, *, skip: 
 def points_at(branch: Branch, value: float) -> tuple[Point, ...]:
     """Return all solutions of the curves of a span at a value of the parameter; see `Branch.at`.
 
-    Raises
-    ------
-    ValueError
-        If no curve reaches the value, or the problem is unknown.
+    ValueError is raised if no curve reaches the value, or the problem is unknown.
     """
     low, high = min(curve.values.min() for curve in branch.curves), max(curve.values.max() for curve in branch.curves)
     if not low <= value <= high:
@@ -202,20 +175,7 @@ def points_of(branch: Branch, value: float) -> list[Point]:
 
 
 def monitored_points(branch: Branch, groups: list[list[Solution]]) -> list[list[Point]]:
-    """Return solutions as points with their monitored quantities.
-
-    Parameters
-    ----------
-    branch : Branch
-        Branch on which the solutions lie.
-    groups : list of list of Solution
-        Solutions, in groups.
-
-    Returns
-    -------
-    list of list of Point
-        Points in the same groups.
-    """
+    """Return groups of solutions on a branch as points with their monitored quantities, in the same groups."""
     solutions = [solution for group in groups for solution in group]
     if not solutions:
         return [[] for _ in groups]
@@ -232,40 +192,17 @@ def monitored_points(branch: Branch, groups: list[list[Solution]]) -> list[list[
 
 
 def nearest(departure: Point, solutions: Sequence[Point]) -> Point | None:
-    """Return the stable solution with the smallest distance from the point at which a sweep leaves the branch.
+    """Return the stable solution with the smallest distance from the point at which a sweep leaves the branch, or None.
 
     The basins of attraction determine which solution a jump reaches; only time integration computes them. During the
-    transient the phase drifts, and the amplitudes change last. Therefore amplitudes are compared if the layout
-    can evaluate them.
-
-    Parameters
-    ----------
-    departure : Point
-        Point at which the sweep leaves the branch.
-    solutions : sequence of Point
-        Solutions at the same parameter value.
-
-    Returns
-    -------
-    Point or None
-        The nearest stable solution; None if no solution is stable.
+    transient the phase drifts, and the amplitudes change last. Therefore amplitudes are compared if the layout can
+    evaluate them.
     """
     return min((p for p in solutions if p.stable), key=lambda point: distance(departure, point), default=None)
 
 
 def distance(a: Point, b: Point) -> float:
-    """Return the distance of two solutions: of their layout (`HasDistance`), else the norm of the difference.
-
-    Parameters
-    ----------
-    a, b : Point
-        Solutions.
-
-    Returns
-    -------
-    float
-        The distance.
-    """
+    """Return the distance of two solutions: of their layout (`HasDistance`), else the norm of the difference."""
     if isinstance(a.layout, HasDistance) and isinstance(b.layout, type(a.layout)):
         return a.layout.distance(a.X, b.layout, b.X)
     return float(np.linalg.norm(a.X - b.X))
@@ -279,24 +216,7 @@ evaluated."""
 
 
 def continuing(branch: Branch, point: SpecialPoint, direction: int, settings: NewtonSettings) -> Point | None:
-    """Return a stable solution close to a special point, on a branch that leads on in the direction of a sweep.
-
-    Parameters
-    ----------
-    branch : Branch
-        Branch with its problem.
-    point : SpecialPoint
-        A branch point or period doubling of it.
-    direction : {1, -1}
-        Sign of the parameter change along the sweep.
-    settings : NewtonSettings
-        Settings of the corrector.
-
-    Returns
-    -------
-    Point or None
-        The solution; None if no such branch is stable.
-    """
+    """Return a stable solution close to a BP or PD, on a branch that leads on in the direction of a sweep, or None."""
     name = branch.parameter
     for offset in DISTANCES_FROM_BRANCH_POINT:
         for new in (point_on_new_branch(branch, point, side, offset, settings) for side in (1, -1)):
@@ -308,20 +228,9 @@ def continuing(branch: Branch, point: SpecialPoint, direction: int, settings: Ne
 def point_on_new_branch(
     branch: Branch, point: SpecialPoint, side: int, offset: float, settings: NewtonSettings
 ) -> Point | None:
-    """Return the monitored solution at a distance from a special point on the new branch; None if it does not exist.
+    """Return the monitored solution at a distance from a BP or PD on the new branch; None if it does not exist.
 
-    Parameters
-    ----------
-    branch : Branch
-        Branch with its problem.
-    point : SpecialPoint
-        A branch point or period doubling of it.
-    side : {1, -1}
-        Direction in which the new branch leaves.
-    offset : float
-        Distance relative to the solution norm.
-    settings : NewtonSettings
-        Settings of the corrector.
+    The distance ``offset`` is relative to the solution norm; ``side`` is the direction in which the new branch leaves.
     """
     event = event_of(branch, point)
     try:

@@ -41,18 +41,7 @@ belong to a family of solutions."""
 class ContinuationLoop:
     """Traces a curve from its first point until something ends it.
 
-    Attributes
-    ----------
-    state : TraceState
-        State of the trace.
-    special_points : SpecialPoints
-        Search for special points.
-    resolution : ResolutionControl
-        Change of resolution.
-    ends : CurveEnds
-        Detection of the ends.
-    first_after_corner : int
-        Number of the first point after the last corner at which short steps made no progress.
+    ``first_after_corner`` is the number of the first point after the last corner at which short steps made no progress.
     """
 
     def __init__(self, state: TraceState, special_points: SpecialPoints, resolution: ResolutionControl) -> None:

@@ -52,13 +52,7 @@ MAX_SECONDS_WITHOUT_PROGRESS = 1.0
 
 
 class CallbackError(Exception):
-    """An exception raised by the progress callback of the user.
-
-    Attributes
-    ----------
-    cause : BaseException
-        The exception as it was raised.
-    """
+    """An exception raised by the progress callback of the user, which is its ``cause``."""
 
     def __init__(self, cause: BaseException) -> None:
         super().__init__(f"in progress, {type(cause).__name__}: {cause}")
@@ -74,14 +68,8 @@ class CallbackError(Exception):
 class Monitor:
     """Monitored quantities and stability of the points of a trace.
 
-    Attributes
-    ----------
-    state : TraceState
-        State of the trace.
-    first_error : Exception or None
-        Error that prevented the monitoring of the first point. It ends the trace.
-    slow : bool
-        Whether the last batch of points took longer than `MAX_SECONDS_WITHOUT_PROGRESS`.
+    ``first_error`` is the error that prevented the monitoring of the first point. It ends the trace. ``slow`` is True
+    if the last batch of points took longer than `MAX_SECONDS_WITHOUT_PROGRESS`.
     """
 
     def __init__(self, state: TraceState) -> None:

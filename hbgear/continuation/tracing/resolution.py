@@ -18,15 +18,7 @@ from hbgear.continuation.tracing.state import TraceState, number_of_unknowns
 
 
 class ResolutionControl:
-    """Adapts the resolution of the present problem and of segments with special points.
-
-    Attributes
-    ----------
-    state : TraceState
-        State of the trace.
-    monitor : Monitor
-        Monitor of its points.
-    """
+    """Adapts the resolution of the present problem and of segments with special points."""
 
     def __init__(self, state: TraceState, monitor: Monitor) -> None:
         self.state, self.monitor = state, monitor

@@ -38,19 +38,7 @@ MAX_SEGMENT_SHIFT = 64
 
 
 class SpecialPoints:
-    """Locates the special points of pending segments.
-
-    Attributes
-    ----------
-    state : TraceState
-        State of the trace.
-    monitor : Monitor
-        Monitor of its points.
-    resolution : ResolutionControl
-        Change of resolution.
-    detector : EventDetector
-        Test functions.
-    """
+    """Locates the special points of pending segments."""
 
     def __init__(
         self, state: TraceState, monitor: Monitor, resolution: ResolutionControl, detector: EventDetector

@@ -39,29 +39,7 @@ MIN_SCALE_RATIO = 1e-2
 
 @dataclass(frozen=True)
 class TraceSettings:
-    """Settings of a trace; see `trace`.
-
-    Attributes
-    ----------
-    parameter : str
-        Name of the continuation parameter.
-    at : Mapping or None
-        Values of fixed parameters by name that replace the values of the problem and of the start.
-    steps : StepControl
-        Step size control.
-    newton : NewtonSettings
-        Settings of the corrector.
-    stability : bool
-        Whether multipliers are computed.
-    special : bool
-        Whether the special points known to the problem are located.
-    events : sequence of Event
-        Additional events.
-    progress : callable or None
-        Called with a `Progress` after every point.
-    accuracy : float or None
-        Target relative error of special points; None for no error estimates.
-    """
+    """Settings of a trace, the arguments of `trace`; ``newton`` are the settings of the corrector."""
 
     parameter: str
     at: Mapping[str, float] | None
@@ -129,24 +107,10 @@ class Span:
 class TraceSetup:
     """Constants of one trace.
 
-    Attributes
-    ----------
-    settings : TraceSettings
-        Settings of the user.
-    problem : ContinuationProblem
-        The problem restricted to the span.
-    requested : ContinuationProblem
-        The problem at the resolution that the user requested. Initial solutions are searched at this resolution.
-    span : Span
-        Section of the parameter axis.
-    fixed : dict
-        Values of all other parameters.
-    abort_if_under_resolved : bool
-        Whether the trace stops, to be repeated at a higher resolution, as soon as a solution is under-resolved.
-    work : Work
-        Bound of the work for error estimates.
-    switched_from : BranchStart or None
-        The special point at which the curve leaves another branch.
+    ``problem`` is restricted to the span. ``requested`` is the problem at the resolution that the user requested, at
+    which initial solutions are searched. ``fixed`` has the values of all other parameters. With
+    ``abort_if_under_resolved`` the trace stops, to be repeated at a higher resolution, as soon as a solution is
+    under-resolved. ``switched_from`` is the special point at which the curve leaves another branch.
     """
 
     settings: TraceSettings
@@ -185,13 +149,8 @@ def set_up(
 ) -> TraceSetup:
     """Check the arguments of a trace and return its constants.
 
-    Raises
-    ------
-    KeyError
-        If the problem does not have a parameter of this name.
-    ValueError
-        If the span is empty or not admissible, a parameter has no value or two meanings, or stability cannot be
-        computed.
+    KeyError is raised if the problem does not have a parameter of this name, and ValueError if the span is empty or not
+    admissible, a parameter has no value or two meanings, or stability cannot be computed.
     """
     name, values = settings.parameter, settings.at or {}
     for parameter in (name, *values):

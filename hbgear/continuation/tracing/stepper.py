@@ -28,18 +28,9 @@ from hbgear.continuation.stepping.status import ACCEPTED, NOT_CONVERGED, PREDICT
 
 
 class StepResult(NamedTuple):
-    """Result of steps along a curve.
+    """New points along a curve, the next step size, and the reason why the last attempt failed, empty if it did not.
 
-    Attributes
-    ----------
-    points : list of CurvePoint
-        New points; empty if the smallest step failed.
-    step : float
-        Next step size.
-    reason : str
-        Reason why the last attempt failed; empty if it did not.
-    is_beyond_corner : bool
-        Whether the point lies beyond a corner, from which a curve may go on next to its earlier points.
+    There are no points if the smallest step failed. Beyond a corner, a curve may go on next to its earlier points.
     """
 
     points: list[CurvePoint]
@@ -83,24 +74,10 @@ MAX_MULTIPLICATIONS_PER_CALL = 3e8
 
 @dataclass(frozen=True)
 class Stepper:
-    """Predictor and corrector of the curve of a problem in one parameter.
+    """Predictor and corrector of the curve of a problem in one parameter, the others fixed.
 
-    Attributes
-    ----------
-    problem : ContinuationProblem
-        The problem.
-    name : str
-        Name of the continuation parameter.
-    fixed : mapping of str to float
-        Values of the other parameters.
-    bounds : (float, float)
-        Lower and upper end of the span. A compiled call ends with the first point outside.
-    steps : StepControl
-        Limits of the step size and of the predictor.
-    settings : NewtonSettings
-        Settings of the corrector.
-    single : bool
-        Whether each call computes one point only. The default is False.
+    A compiled call ends with the first point outside ``bounds``, the ends of the span. With ``single`` each call
+    computes one point only.
     """
 
     problem: ContinuationProblem
@@ -114,25 +91,9 @@ class Stepper:
     def stride(
         self, recent: Sequence[CurvePoint], scale: Array, solution_scale: float, step: float, max_points: int
     ) -> StepResult:
-        """Compute the next points of the curve.
+        """Compute the next points of the curve, at most ``max_points``, from the last ones, the newest of them first.
 
-        Parameters
-        ----------
-        recent : sequence of CurvePoint
-            Last points, the newest first.
-        scale : ndarray, shape (n + 1,)
-            Scales of the unknowns and of the parameter.
-        solution_scale : float
-            Largest solution norm so far.
-        step : float
-            Step size.
-        max_points : int
-            Largest number of new points.
-
-        Returns
-        -------
-        StepResult
-            New points, next step size and the reason of a failure.
+        ``solution_scale`` is the largest solution norm so far.
         """
         steps, history = self.steps, self.steps.predictor_points
         count, width = min(len(recent), history), len(scale)
@@ -185,19 +146,7 @@ class Stepper:
     def over_corner(self, last: CurvePoint, scale: Array, step: float) -> StepResult:
         """Compute a point beyond a corner near the last point, if the curve can have corners and has one there.
 
-        Parameters
-        ----------
-        last : CurvePoint
-            Last point.
-        scale : ndarray, shape (n + 1,)
-            Scales of the unknowns and of the parameter.
-        step : float
-            Step size, which is returned if there is no corner.
-
-        Returns
-        -------
-        StepResult
-            The point, or no point, and the next step size.
+        The step size given is returned if there is no corner.
         """
         if not (self.problem.is_nonsmooth or isinstance(self.problem, SpecialPointProblem)):
             return StepResult([], step, "")

@@ -271,25 +271,10 @@ def _ends_at_continuum(text: str) -> str:
 class Tracer:
     """Coordinator of one trace: stages of the work, and the result.
 
-    Parameters
-    ----------
-    problem : ContinuationProblem
-        The problem.
-    settings : TraceSettings
-        Settings of the user.
-    span : (float, float)
-        Span of the parameter.
-    start : Point, BranchStart, array_like or None
-        Initial solution; None to let the problem find one at the first end of the span.
-    cover : bool
-        Whether other branches are searched where the curve does not cover the span.
-    abort_if_under_resolved : bool
-        Whether `run` raises `UnderResolvedError` for an under-resolved curve. It does so also if ``cover`` is set and
-        the problem can be refined.
-    requested : ContinuationProblem or None
-        The problem at the resolution that the user requested, if another one.
-    work : Work or None
-        Bound of the work; none by default.
+    With ``cover`` other branches are searched where the curve does not cover the span. `run` raises
+    `UnderResolvedError` for an under-resolved curve if ``abort_if_under_resolved``, or if ``cover`` is set and the
+    problem can be refined. ``requested`` is the problem at the resolution that the user requested, if another one.
+    Without ``work`` it has no bound.
     """
 
     def __init__(
@@ -331,12 +316,8 @@ class Tracer:
     def run(self) -> Branch:
         """Trace until something ends the trace; return all points computed until then.
 
-        Raises
-        ------
-        BaseException
-            The exception of the progress callback, if it raised one.
-        UnderResolvedError
-            If the trace is to be repeated at a higher resolution.
+        The exception of the progress callback is raised if it raised one, and `UnderResolvedError` if the trace is to
+        be repeated at a higher resolution.
         """
         branch = self.traced()
         if isinstance(self.state.termination.error, CallbackError):
