@@ -12,10 +12,10 @@ import pytest
 import hbgear as hb
 from hbgear.continuation import FoldProblem
 from hbgear.continuation.augmented.branch_point import BranchPointProblem
-from hbgear.continuation.curve.segment import CurvePoint, Points, Segment, point_from_solution
+from hbgear.continuation.curve.segment import CurvePoint, Segment, point_from_solution
 from hbgear.continuation.events import branch_point
 from hbgear.continuation.events.branch_point import BranchPointEvent, as_traced
-from hbgear.continuation.events.columns import column, lengths, monitored_values, unknowns
+from hbgear.continuation.events.columns import lengths, monitored_values, unknowns
 from hbgear.continuation.events.detector import EventDetector, event_at, event_of, events_of
 from hbgear.continuation.events.event import (
     MARKERS,
@@ -82,20 +82,11 @@ def level(kind, f, **more):
     return Event(kind, lambda point: f(point.parameters["p"]), **more)
 
 
-# ---- columns
-
-
-def test_columns_are_stored_with_points_that_do_not_change():
-    calls = []
-    points = [LINE.point(x) for x in (0.0, 3.0, 4.0)]
-    for kept, count in ((points, 2), (Points(points), 1)):
-        calls.clear()
-        assert [column(kept, "key", lambda: calls.append(1) or 7) for _ in range(2)] == [7, 7]
-        assert len(calls) == count
+# ---- quantities of points
 
 
 def test_lengths_are_scaled():
-    points = Points([replace(LINE.point(0.0), u=np.array(u)) for u in ([0.0, 1.0], [3.0, 5.0], [3.0, 6.0])])
+    points = [replace(LINE.point(0.0), u=np.array(u)) for u in ([0.0, 1.0], [3.0, 5.0], [3.0, 6.0])]
     np.testing.assert_array_equal(unknowns(points), [[0, 1], [3, 5], [3, 6]])
     for scale, expected in (([1.0, 1.0], [5.0, 1.0]), ([0.5, 0.5], [10.0, 2.0]), ([3.0, 2.0], [5**0.5, 0.5])):
         np.testing.assert_allclose(lengths(points, np.array(scale)), expected, rtol=1e-15)
@@ -630,11 +621,9 @@ def test_a_detector_of_levels():
     ends = [level("later", lambda p: p - 1.4, terminal=True), level("sooner", lambda p: p - 1.2, terminal=True)]
     detector = EventDetector([high, ends[0], low, ends[1]], LINE, "p", {})
     assert detector.passing == (high, low) and detector.terminal == tuple(ends)
-    points = Points([LINE.point(p) for p in (0.0, 0.5, 0.6, 1.0, 1.3, 2.0)])
+    points = [LINE.point(p) for p in (0.0, 0.5, 0.6, 1.0, 1.3, 2.0)]
     assert detector.sign_changes(points) == [0, 2]
     np.testing.assert_array_equal(detector.changes(high, points), [0, 0, 1, 0, 0])
-    assert detector.changes(high, points) is detector.changes(high, points)
-    assert detector.values(low, points) is detector.values(low, points)
     np.testing.assert_allclose(detector.values(low, points).ravel(), np.array([0, 0.5, 0.6, 1, 1.3, 2]) - 0.3)
     segment = LINE.segment(0.0, 2.0)
     assert [(one.event, round(one.value, 9)) for one in detector.find(segment)] == [(low, 0.3), (high, 0.8)]

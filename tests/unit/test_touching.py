@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-from hbgear.continuation.curve.segment import Points, Segment, point_from_solution
+from hbgear.continuation.curve.segment import Segment, point_from_solution
 from hbgear.continuation.events.detector import EventDetector
 from hbgear.continuation.events.even_crossings import (
     SampledCurve,
@@ -157,7 +157,7 @@ def special(event, p, **more):
 
 
 def test_a_sampled_curve_holds_points_and_special_points_in_order():
-    points, event = Points([at(p) for p in (0.0, 1.0, 2.0)]), Given()
+    points, event = [at(p) for p in (0.0, 1.0, 2.0)], Given()
     assert SampledCurve.through(points, {}, None).points is points
     path = SampledCurve.through(points, {(1, 0.7): special(event, 1.7), (0, 0.4): special(event, 0.4)}, None)
     assert [point.value for point in path.points] == [0.0, 0.4, 1.0, 1.7, 2.0]
@@ -168,7 +168,7 @@ def test_a_sampled_curve_holds_points_and_special_points_in_order():
 
 def test_a_point_on_either_side_replaces_a_special_point():
     """Each is added at 1/20 of the distance to the next point, an end of the segment or another special point."""
-    points, event = Points([at(p) for p in (0.0, 1.0, 2.0)]), Given("PD", sides=True)
+    points, event = [at(p) for p in (0.0, 1.0, 2.0)], Given("PD", sides=True)
     asked = []
 
     def between(segment, s):
@@ -191,7 +191,7 @@ def test_a_point_on_either_side_replaces_a_special_point():
 )  # fmt: skip
 def test_the_next_larger_distance_where_a_multiplier_is_too_close_to_the_circle(rate, error, side):
     """The multiplier is 1 + rate |p - 0.4|, compared with three times the error at the special point, or with 1e-6."""
-    points, event = Points([at(p) for p in (0.0, 1.0)]), Given("PD", sides=True)
+    points, event = [at(p) for p in (0.0, 1.0)], Given("PD", sides=True)
 
     def between(segment, s):
         return at(s, multipliers=[0.5, -1 - rate * abs(s - 0.4)])
@@ -208,7 +208,7 @@ def test_the_next_larger_distance_where_a_multiplier_is_too_close_to_the_circle(
 
 def test_candidates_of_the_sampled_curve_and_of_the_curve():
     """Candidates of the curve are added if they differ by more than a tenth of the part, or in the event."""
-    points = Points([at(p) for p in (0.0, 1.0, 2.0)])
+    points = [at(p) for p in (0.0, 1.0, 2.0)]
     one = Given("one", near={4: [(1, 0.5)], 3: [(0, 0.7), (0, 0.71), (0, 0.77), (0, 0.1), (1, 0.3)]})
     two = Given("two", near={3: [(0, 0.7)]})
     path = SampledCurve.through(points, {(0, 0.4): special(Given(), 0.4)}, None)
@@ -222,8 +222,8 @@ def test_candidates_of_the_sampled_curve_and_of_the_curve():
 
 def unmatched(event, positions, kinds, replaced):
     """Return the parts with unmatched sign changes by segment, for a curve of three segments."""
-    points = Points([at(p) for p in (0.0, 1.0, 2.0, 3.0)])
-    path = SampledCurve(Points([at(i + s) for i, s in positions]), positions, kinds, replaced)
+    points = [at(p) for p in (0.0, 1.0, 2.0, 3.0)]
+    path = SampledCurve([at(i + s) for i, s in positions], positions, kinds, replaced)
     found = path.unmatched_sign_changes(detector_of(event), points)
     assert all(one is event for some in found.values() for _, one in some)
     return {segment: [k for k, _ in some] for segment, some in found.items()}
@@ -268,14 +268,14 @@ def test_the_sign_change_of_a_replaced_special_point(changes, expected):
 
 
 def test_a_curve_without_special_points_has_no_unmatched_sign_change():
-    points = Points([at(p) for p in (0.0, 1.0)])
+    points = [at(p) for p in (0.0, 1.0)]
     path = SampledCurve.through(points, {}, None)
     assert path.unmatched_sign_changes(detector_of(Given(changes={2: [1]})), points) == {}
 
 
 def crossings(f, kinds=("", "", "", ""), k=1, kind="wall"):
     """Return the values of p at the zeros found on part k of the line through 0, 1, 2 and 3."""
-    points = Points([at(p) for p in (0.0, 1.0, 2.0, 3.0)])
+    points = [at(p) for p in (0.0, 1.0, 2.0, 3.0)]
     detector = detector_of(level(f, kind))
     path = SampledCurve(points, [(i, 0.0) for i in range(4)], list(kinds), {})
     near = path.near_zero_candidates(detector, points, np.ones(2))
@@ -312,7 +312,7 @@ def test_a_zero_next_to_the_same_special_point_is_that_point(end, first, count, 
 
 def test_the_number_of_points_that_are_added():
     """At most eight points are added for each candidate while the test function stays close to zero, otherwise one."""
-    points = Points([at(p) for p in (0.0, 1.0)])
+    points = [at(p) for p in (0.0, 1.0)]
     path = SampledCurve.through(points, {}, None)
     asked = []
 
@@ -338,7 +338,7 @@ def test_the_number_of_points_that_are_added():
 def test_points_end_where_the_sign_changes():
     """(p - 1.3)^2 - 0.01 has the other sign at the first added point, so no further point is added."""
     asked = []
-    points = Points([at(p) for p in (0.0, 1.0, 2.0, 3.0)])
+    points = [at(p) for p in (0.0, 1.0, 2.0, 3.0)]
     event = level(lambda p: (p - 1.3) ** 2 - 0.01)
     path = SampledCurve.through(points, {}, None)
 
@@ -355,7 +355,7 @@ def test_zeros_on_the_segments_beside_are_not_returned():
     assert (
         crossings(lambda p: -(p - 0.5) * (p - 2.5) * ((p - 1.5) ** 2 - 1e-4)) == []
     )  # no candidate: signs of three points differ
-    points = Points([at(p) for p in (0.0, 1.0, 2.0, 3.0)])
+    points = [at(p) for p in (0.0, 1.0, 2.0, 3.0)]
     event = level(lambda p: (p - 0.5) * (p - 2.5) * ((p - 1.5) ** 2 - 1e-2))
     path = SampledCurve.through(points, {}, None)
     out = find_even_crossings(

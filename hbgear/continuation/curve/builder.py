@@ -68,7 +68,7 @@ def build_branch(
     parameters are stored in ``tracked``. Points that were not monitored have multipliers nan and unknown regimes.
     ``settings`` are those of the trace for the header of a file.
     """
-    unknowns, values, tracked = _unknowns(problem, points)
+    unknowns, tracked = zip(*(problem.split(point.X) for point in points), strict=True)
     mu = _column(points, "multipliers", math.nan + 0j)
     regime = _column(points, "regime", np.int8(-1))
     regime = np.zeros((len(points), 0), dtype=np.int8) if regime is None else regime.astype(np.int8)
@@ -87,8 +87,8 @@ def build_branch(
         special.append(build_special_point(event, fields, f"{kind}{count[kind]}", mark.index, mark.interval))
     return Branch(
         parameter=name,
-        values=values,
-        X=unknowns,
+        values=np.array([point.value for point in points]),
+        X=np.array(unknowns),
         fixed=dict(fixed),
         tracked={k: np.array([row[k] for row in tracked]) for k in problem.unknown_parameters},
         multipliers=mu,
@@ -110,15 +110,6 @@ def build_branch(
         },
         problem=problem.original,
     )
-
-
-def _unknowns(problem: ContinuationProblem, points: list[CurvePoint]) -> tuple[Array, Array, list[dict[str, float]]]:
-    """Return the unknowns (P, n) and parameter values (P,) of points, and the parameters among the unknowns."""
-    if not problem.unknown_parameters and {len(point.u) - 1 for point in points} == {problem.size}:
-        u = np.array([point.u for point in points])
-        return u[:, :-1].copy(), u[:, -1].copy(), []
-    X, tracked = zip(*(problem.split(point.X) for point in points), strict=True)
-    return np.array(X), np.array([point.value for point in points]), list(tracked)
 
 
 def build_special_point(

@@ -8,7 +8,7 @@ the units of X and of the parameter p.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -67,39 +67,6 @@ class CurvePoint:
 
 TANGENT_ROUNDING = 1e-12
 """Component of the tangent in the parameter, relative to its norm, below which it is rounding error."""
-
-
-class Points(list[CurvePoint]):
-    """Points of a curve that do not change any more. Quantities computed from all points are stored.
-
-    Parameters
-    ----------
-    points : iterable of CurvePoint
-        The points.
-    """
-
-    def __init__(self, points: Iterable[CurvePoint]) -> None:
-        super().__init__(points)
-        self._columns: dict[Any, Any] = {}
-
-    def column(self, name: Any, make: Callable[[], Any]) -> Any:
-        """Return the quantity stored under a name; compute it at the first call.
-
-        Parameters
-        ----------
-        name : hashable
-            Name of the quantity.
-        make : callable
-            Function without arguments that computes it.
-
-        Returns
-        -------
-        object
-            The quantity.
-        """
-        if name not in self._columns:
-            self._columns[name] = make()
-        return self._columns[name]
 
 
 @dataclass(frozen=True)

@@ -1,37 +1,25 @@
-"""Quantities of points as arrays, one row per point, stored with points that do not change."""
+"""Quantities of points as arrays, one row per point."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from hbgear.common.arrays import Array
-from hbgear.continuation.curve.segment import CurvePoint, Points
+from hbgear.continuation.curve.segment import CurvePoint
 from hbgear.continuation.numerics.linear import norms
-
-
-def column(points: Sequence[CurvePoint], name: Any, make: Callable[[], Any]) -> Any:
-    """Return the result of ``make`` for points; `Points`, which do not change, store it under the name."""
-    return points.column(name, make) if isinstance(points, Points) else make()
 
 
 def unknowns(points: Sequence[CurvePoint]) -> Array:
     """Return the unknowns and parameters u, (P, n + 1), of P points."""
-    u: Array = column(points, "u", lambda: np.array([point.u for point in points]))
-    return u
+    return np.array([point.u for point in points])
 
 
 def lengths(points: Sequence[CurvePoint], scale: Array) -> Array:
     """Return the scaled lengths (P - 1,) of the segments between P points."""
-
-    def make() -> Array:
-        u = unknowns(points)
-        return norms((u[1:] - u[:-1]) / scale)
-
-    out: Array = column(points, ("lengths", scale.tobytes()), make)
-    return out
+    return norms(np.diff(unknowns(points), axis=0) / scale)
 
 
 def monitored_values(points: Sequence[CurvePoint], name: str) -> Any:
@@ -39,11 +27,6 @@ def monitored_values(points: Sequence[CurvePoint], name: str) -> Any:
 
     The result is None if the quantity is unknown at all points, or its length differs between points.
     """
-    return column(points, name, lambda: _stacked_values(points, name))
-
-
-def _stacked_values(points: Sequence[CurvePoint], name: str) -> Any:
-    """Return a monitored quantity of all points as an array; see `monitored_values`."""
     values = [point.observed.get(name) for point in points]
     example = next((value for value in values if value is not None), None)
     if example is None:

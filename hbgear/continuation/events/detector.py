@@ -9,7 +9,6 @@ import numpy as np
 from hbgear.common.arrays import Array
 from hbgear.continuation.curve.segment import CurvePoint, Segment
 from hbgear.continuation.events.branch_point import BranchPointEvent
-from hbgear.continuation.events.columns import column
 from hbgear.continuation.events.event import Event, LocatedEvent
 from hbgear.continuation.events.fold import CuspEvent, FoldEvent
 from hbgear.continuation.problem.adapter import as_problem
@@ -111,16 +110,12 @@ class EventDetector:
         return candidates
 
     def changes(self, event: Event, points: Sequence[CurvePoint]) -> np.ndarray:
-        """Return `Event.sign_changes` of points, which are stored with them."""
-        changes: np.ndarray = column(
-            points, (event, "changes"), lambda: event.sign_changes(points, self.values(event, points))
-        )
-        return changes
+        """Return `Event.sign_changes` of points."""
+        return event.sign_changes(points, self.values(event, points))
 
     def values(self, event: Event, points: Sequence[CurvePoint]) -> Array:
-        """Return `Event.values` of points, which are stored with them."""
-        values: Array = column(points, event, lambda: event.values(points, self.problem, self.name, self.fixed))
-        return values
+        """Return `Event.values` of points."""
+        return event.values(points, self.problem, self.name, self.fixed)
 
 
 def _are_one(segment: Segment, fold: LocatedEvent, branch_point: LocatedEvent) -> bool:

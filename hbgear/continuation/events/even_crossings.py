@@ -18,7 +18,7 @@ from typing import TypeAlias
 import numpy as np
 
 from hbgear.common.arrays import Array
-from hbgear.continuation.curve.segment import CurvePoint, Points, Segment
+from hbgear.continuation.curve.segment import CurvePoint, Segment
 from hbgear.continuation.events.branch_point import BranchPointEvent
 from hbgear.continuation.events.detector import EventDetector
 from hbgear.continuation.events.event import Event, LocatedEvent
@@ -71,7 +71,7 @@ class SampledCurve:
 
     Attributes
     ----------
-    points : Points
+    points : list[CurvePoint]
         Points of the curve and special points.
     positions : list of (int, float)
         Position of each point: number of the segment and fraction on it.
@@ -81,7 +81,7 @@ class SampledCurve:
         Kinds of the replaced special points, by the number of the segment between the two points on either side.
     """
 
-    points: Points
+    points: list[CurvePoint]
     positions: list[Position]
     kinds: list[str]
     replaced_kinds: Mapping[int, str]
@@ -89,7 +89,7 @@ class SampledCurve:
     @classmethod
     def through(
         cls,
-        curve_points: Points,
+        curve_points: list[CurvePoint],
         points: Mapping[Position, LocatedEvent],
         between: Callable[[int, float], CurvePoint | None],
     ) -> SampledCurve:
@@ -108,7 +108,7 @@ class SampledCurve:
                     replaced[min(sides)] = event.kind
         positions = sorted(samples)
         replaced_kinds = {k: replaced[position] for k, position in enumerate(positions) if position in replaced}
-        path = Points(samples[position][0] for position in positions) if points else curve_points
+        path = [samples[position][0] for position in positions] if points else curve_points
         return cls(path, positions, [samples[position][1] for position in positions], replaced_kinds)
 
     def ends(self, k: int) -> tuple[int, float, float]:
@@ -117,7 +117,7 @@ class SampledCurve:
         return segment_number, low, high if following == segment_number else 1.0
 
     def near_zero_candidates(
-        self, detector: EventDetector, curve_points: Points, scale: Array
+        self, detector: EventDetector, curve_points: list[CurvePoint], scale: Array
     ) -> dict[int, list[Candidate]]:
         """Return candidates by part: from the sampled curve, and from the points without the special points."""
         by_part = detector.touching(self.points, scale)
@@ -144,7 +144,7 @@ class SampledCurve:
         return candidates
 
     def unmatched_sign_changes(
-        self, detector: EventDetector, curve_points: Points
+        self, detector: EventDetector, curve_points: list[CurvePoint]
     ) -> dict[int, list[tuple[int, Event]]]:
         """Return the segments on which test functions change sign more often than the known special points explain.
 

@@ -28,7 +28,6 @@ import math
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -49,7 +48,6 @@ from hbgear.continuation.results.status import Status
 from hbgear.continuation.solvers.newton import (
     SEARCH_ERRORS,
     SOLVER_ERRORS,
-    NewtonSettings,
     NoConvergence,
     on_curve,
     solution_at,
@@ -519,7 +517,7 @@ def locate_by_newton(
     function. NoConvergence is raised if Newton's method fails or leaves the segment.
     """
     u = segment.guess(s)
-    settings = _location_settings(segment.settings)
+    settings = replace(segment.settings, max_iterations=LOCATION_ITERATIONS)  # the start is close to the solution
     solution = extended.located(u, segment.parameters, settings)
     U = solution.X
     chord, fraction = (segment.b.u - segment.a.u) / segment.scale, segment.fraction_of(U)
@@ -529,9 +527,3 @@ def locate_by_newton(
     return LocatedEvent(
         event, fraction, point_from_solution(on_curve(solution), chord / segment.scale, segment.scale), True, note
     )
-
-
-@lru_cache(maxsize=8)
-def _location_settings(settings: NewtonSettings) -> NewtonSettings:
-    """Return corrector settings for a start close to the solution."""
-    return replace(settings, max_iterations=LOCATION_ITERATIONS)

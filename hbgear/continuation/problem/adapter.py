@@ -11,7 +11,7 @@ from hbgear.continuation.problem.evaluation import AnyProblem, Problem
 from hbgear.continuation.results.layout import LayoutProtocol
 
 _REPLACEABLE_NAMES = tuple(
-    name for name in vars(ContinuationProblem) if not name.startswith("_") and name not in ("original", "cornered")
+    name for name in vars(ContinuationProblem) if not name.startswith("_") and name != "original"
 )
 """Names of `ContinuationProblem` that an object may define instead of their defaults."""
 

@@ -17,7 +17,7 @@ from hbgear.continuation.curve.asymptote import (
     rounded_to_error,
     vertical_asymptote,
 )
-from hbgear.continuation.curve.segment import CurvePoint, Points, cosine, normal_of, point_from_solution
+from hbgear.continuation.curve.segment import CurvePoint, cosine, normal_of, point_from_solution
 from hbgear.continuation.events.columns import unknowns
 from hbgear.continuation.events.fold import FoldEvent, far_side_of_fold
 from hbgear.continuation.numerics.linear import norm, norms
@@ -47,7 +47,7 @@ class CurveEnds:
     def __init__(self, state: TraceState) -> None:
         self.state = state
 
-    def terminal_candidates(self, path: Points) -> Sequence[int]:
+    def terminal_candidates(self, path: list[CurvePoint]) -> Sequence[int]:
         """Return the numbers of new points at which the curve may end.
 
         ``path`` holds the last point and the new ones. Candidates are points outside the span, points after a fold, and
@@ -138,7 +138,7 @@ class CurveEnds:
 
     # ---- infinity
 
-    def up_to_infinity(self, path: Points) -> tuple[Points, float | None]:
+    def up_to_infinity(self, path: list[CurvePoint]) -> tuple[list[CurvePoint], float | None]:
         """Return the path up to the point from which the curve tends to infinity, and the asymptote.
 
         The whole path and None are returned for a curve that does not.
@@ -153,10 +153,10 @@ class CurveEnds:
         for i, point in enumerate(path[1:], 1):
             asymptote = vertical_asymptote(state.problem, setup.name, setup.fixed, point)
             if asymptote is not None and outside(asymptote) is None:
-                return Points(path[: i + 1]), asymptote
+                return path[: i + 1], asymptote
         return path, None
 
-    def _power_law_asymptote(self, path: Points) -> float | None:
+    def _power_law_asymptote(self, path: list[CurvePoint]) -> float | None:
         """Return the asymptote close to the last point that a path approaches by a power law; None without one.
 
         Only problems with a parameter among the unknowns, such as the frequency of free motions, are examined. Forced
@@ -202,7 +202,7 @@ class CurveEnds:
         X, tangent = self.state.problem.in_phase(first.X, first.tangent[:-1], last.X)
         return replace(first, u=np.append(X, first.value), tangent=np.append(tangent, first.tangent[-1]))
 
-    def points_before_retrace(self, path: Points) -> int:
+    def points_before_retrace(self, path: list[CurvePoint]) -> int:
         """Return the number of new points of a path before the curve retraces itself.
 
         ``path`` holds the last point and the new ones.

@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
-from hbgear.continuation.curve.segment import CurvePoint, Points, Segment, are_equal, has_corner
+from hbgear.continuation.curve.segment import CurvePoint, Segment, are_equal, has_corner
 from hbgear.continuation.events.accuracy import estimate_error
 from hbgear.continuation.events.detector import EventDetector
 from hbgear.continuation.events.even_crossings import SampledCurve, drop_odd_counts, find_even_crossings
@@ -32,7 +32,7 @@ class _Section:
     ``events`` holds the special points of each segment by the number of the point after it.
     """
 
-    points: Points
+    points: list[CurvePoint]
     first: int
     events: dict[int, list[LocatedEvent]]
 
@@ -47,7 +47,7 @@ class EvenCrossingSearch:
     def __init__(self, state: TraceState, monitor: Monitor, detector: EventDetector) -> None:
         self.state, self.monitor, self.detector = state, monitor, detector
 
-    def search(self, points: Points, first: int, located: dict[int, list[LocatedEvent]]) -> None:
+    def search(self, points: list[CurvePoint], first: int, located: dict[int, list[LocatedEvent]]) -> None:
         """Search the segments between points, of which the first has the number ``first``.
 
         ``located`` holds the special points of each segment by the number of the point after it. Segments with further

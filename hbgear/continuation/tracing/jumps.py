@@ -74,7 +74,7 @@ def find_jumps(branch: Branch, settings: NewtonSettings = NewtonSettings()) -> t
                 Jump(point.label, branch.parameter, value, direction, point, onward, BIFURCATING, (onward,), note)
             )
             continue
-        after = nearest(point, stable) if len(stable) > 1 else next(iter(stable), None)
+        after = nearest(point, stable)
         jumps.append(Jump(point.label, branch.parameter, value, direction, point, after, candidates=stable))
     return tuple(jumps)
 

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from hbgear.continuation.curve.asymptote import unbounded_message
-from hbgear.continuation.curve.segment import CurvePoint, Points
+from hbgear.continuation.curve.segment import CurvePoint
 from hbgear.continuation.events.branch_point import BranchPointEvent
 from hbgear.continuation.events.columns import unknowns
 from hbgear.continuation.events.event import LocatedEvent
@@ -117,7 +117,7 @@ class ContinuationLoop:
         crossings = [n for n, event in state.located if n > first and event.event.kind == BranchPointEvent.kind]
         return 2 * len(crossings) > MAX_SINGULAR_POINTS
 
-    def _over_corner(self) -> tuple[Points, str]:
+    def _over_corner(self) -> tuple[list[CurvePoint], str]:
         """Return the last point with a point beyond a corner that short steps only approach, or with none; see `_step`.
 
         Beyond the corner the count of short steps starts again.
@@ -125,7 +125,7 @@ class ContinuationLoop:
         state = self.state
         result = self._stepper().over_corner(state.last, state.scale, state.step)
         state.step, self.first_after_corner = result.step, len(state.points)
-        path = Points([state.last, *result.points])
+        path = [state.last, *result.points]
         return path, f"{STALLED_STEPS} steps in succession were close to the smallest size"
 
     def _stepper(self) -> Stepper:
@@ -134,7 +134,7 @@ class ContinuationLoop:
         steps, newton, single = setup.settings.steps, setup.settings.newton, setup.batch_size == 1
         return Stepper(self.state.problem, setup.name, setup.fixed, setup.span.bounds, steps, newton, single)
 
-    def _step(self) -> tuple[Points, str]:
+    def _step(self) -> tuple[list[CurvePoint], str]:
         """Return the last point with the next ones, or with none and the reason why the shortest step failed."""
         state, setup = self.state, self.state.setup
         steps, stepper = setup.settings.steps, self._stepper()
@@ -145,15 +145,15 @@ class ContinuationLoop:
             points, state.step, reason, is_beyond_corner = stepper.stride(
                 recent, state.scale, state.solution_scale, step, max_points
             )
-            path = Points([recent[0], *points])
+            path = [recent[0], *points]
             if is_beyond_corner:
                 return path, reason
             retained = self.ends.points_before_retrace(path)
             if retained < len(points):
                 shorter = max(0.5 * points[retained].step, steps.min_step)
-                path, reason, state.step = Points(path[: retained + 1]), _RETRACED, shorter
+                path, reason, state.step = path[: retained + 1], _RETRACED, shorter
             if len(path) == 1 and (point := self.ends.at_range_boundary(step)):
-                return Points([recent[0], point]), ""
+                return [recent[0], point], ""
             if len(path) > 1 or state.step >= step or reason != _RETRACED:  # the smallest step is not shortened
                 return path, reason
 
@@ -183,7 +183,7 @@ class ContinuationLoop:
         """Return status and message of a curve on which an unknown parameter leaves its range."""
         return Status.EVENT, f"{violation} beyond {self.state.location_text().removeprefix('at ')}"
 
-    def _accept_points(self, path: Points) -> tuple[Status, str] | None:
+    def _accept_points(self, path: list[CurvePoint]) -> tuple[Status, str] | None:
         """Accept the new points of a path, whose first point is the last one; return status and message at an end."""
         points, accepted = path[1:], 0
         for i in self._terminal_candidates(path):
@@ -197,7 +197,7 @@ class ContinuationLoop:
             self._append(points[accepted:])
         return None
 
-    def _terminal_candidates(self, path: Points) -> Sequence[int]:
+    def _terminal_candidates(self, path: list[CurvePoint]) -> Sequence[int]:
         """Return the numbers of new points that are accepted one by one, because the curve may end there."""
         one_by_one = self.state.setup.settings.progress or self.detector.terminal or len(path) == 2
         if one_by_one or self.state.boundary_value is not None:

@@ -18,7 +18,7 @@ from functools import partial
 from itertools import pairwise
 
 from hbgear.continuation.curve.builder import SpecialPointMark
-from hbgear.continuation.curve.segment import CurvePoint, Points, Segment, are_equal
+from hbgear.continuation.curve.segment import CurvePoint, Segment, are_equal
 from hbgear.continuation.events.accuracy import estimate_error
 from hbgear.continuation.events.branch_point import BranchPointEvent
 from hbgear.continuation.events.detector import EventDetector
@@ -106,7 +106,7 @@ class SpecialPoints:
         located: dict[int, list[LocatedEvent]] = {}
         if self.detector.passing and state.pending:
             before = max(start - 2, 0)  # two points on either side of each segment: test functions are curved
-            points = Points(state.points[before:])
+            points = state.points[before:]
             for i in self.detector.sign_changes(points):
                 number = i + 1 + before
                 if number > start:
