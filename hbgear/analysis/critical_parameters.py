@@ -198,12 +198,7 @@ def find_cusps(
 ) -> Iterator[FoldCusp]:  # fmt: skip
     """Yield the cusps to which the folds of the first response curve with such folds lead; see `critical_parameter`.
 
-    Cusps of one fold curve follow each other in its order.
-
-    Raises
-    ------
-    NoFoldError
-        If no cusp is found.
+    Cusps of one fold curve follow each other in its order. NoFoldError is raised if no cusp is found.
     """
     p0, allowed = problem.value_of(parameter), problem.range_of(parameter)
     traced: list[Branch] = []

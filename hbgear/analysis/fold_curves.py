@@ -37,19 +37,7 @@ def problem_of(model: Model | HarmonicBalance, harmonics: int) -> HarmonicBalanc
 def check_parameter(problem: HarmonicBalance, parameter: str) -> None:
     """Raise an error if folds cannot be followed in a parameter, or the number of harmonics varies.
 
-    Parameters
-    ----------
-    problem : HarmonicBalance
-        Equations.
-    parameter : str
-        Name of the parameter.
-
-    Raises
-    ------
-    KeyError
-        If the model has no such parameter.
-    ValueError
-        If the parameter is Omega, or ``harmonics="auto"``.
+    It is a KeyError if the model has no such parameter, a ValueError for Omega, or ``harmonics="auto"``.
     """
     problem.require_fixed_resolution("following folds")
     problem.check_parameter(parameter)
@@ -65,21 +53,7 @@ def response_curve(
 ) -> Branch:
     """Trace the response curves at a value of a parameter that cover a range of Omega, without stability.
 
-    Parameters
-    ----------
-    problem : HarmonicBalance
-        Equations.
-    parameter : str
-        Name of the parameter.
-    value : float
-        Value of the parameter.
-    frequencies : tuple of float or None
-        Range of Omega. None for the range of the model.
-
-    Returns
-    -------
-    Branch
-        Response curve; `Branch.others` are the curves of the rest of the range.
+    Without ``frequencies`` it is the range of the model. `Branch.others` are the curves of the rest of the range.
     """
     span = problem.model.default_span if frequencies is None else frequencies
     return raise_if_interrupted(trace(problem, "Omega", span, at={parameter: value}, stability=False, accuracy=None))
@@ -93,22 +67,9 @@ def folds_of(curve: Branch) -> list[Point]:
 def fold_equations(problem: HarmonicBalance, point: Point) -> tuple[Any, Point]:
     """Return the equations of a fold of a response curve, and the fold in their unknowns.
 
-    Parameters
-    ----------
-    problem : HarmonicBalance
-        Equations of the response curve.
-    point : Point
-        Fold, which belongs to another problem if the curve was traced in contact instants.
-
-    Returns
-    -------
-    (ContinuationProblem, Point)
-        Equations of `FoldEvent` and the fold; for exact motions `ContinuationProblem.special_point_equations`.
-
-    Raises
-    ------
-    NoConvergence
-        If the contacts of the fold are too short for harmonics.
+    They are those of `FoldEvent`; for exact motions `ContinuationProblem.special_point_equations`. The fold belongs to
+    another problem if the curve was traced in contact instants. NoConvergence is raised if the contacts of the fold are
+    too short for harmonics.
     """
     source = problem if point.problem is None else as_problem(point.problem)
     exact_equations = source.special_point_equations("Omega", point)
@@ -129,21 +90,7 @@ def equations_of_curve(problem: HarmonicBalance, fold: Branch) -> Any:
 def on_fold_curve(problem: HarmonicBalance, fold: Branch, point: Point, parameter: str) -> bool:
     """Return whether a fold lies on a fold curve: the fold of the curve at the same value has the same frequency.
 
-    Parameters
-    ----------
-    problem : HarmonicBalance
-        Equations.
-    fold : Branch
-        Fold curve in the parameter, with Omega in ``tracked``.
-    point : Point
-        Fold of a response curve.
-    parameter : str
-        Name of the parameter.
-
-    Returns
-    -------
-    bool
-        True if the frequencies agree to `SAME_FOLD_TOLERANCE`.
+    The fold curve has Omega in ``tracked``; frequencies agree to `SAME_FOLD_TOLERANCE`.
     """
     value = point.parameters[parameter]
     for crossing in crossings_at(fold, value):

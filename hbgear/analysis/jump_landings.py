@@ -37,14 +37,9 @@ _COMPARED_SAMPLES = 128
 
 @dataclass(frozen=True, eq=False)
 class Landing:
-    """Jump with the branch on which it lands.
+    """Jump with the number of the branch in a sequence on which it lands, None if it lands on none of them.
 
-    Attributes
-    ----------
-    jump : Jump
-        Jump; ``after`` is the motion on which it lands, ``candidates`` are all motions that were compared.
-    branch : int or None
-        Number of the branch in the given sequence. None if the jump lands on no branch of the sequence.
+    ``jump.after`` is the motion on which it lands, ``jump.candidates`` are all motions that were compared.
     """
 
     jump: Jump
@@ -52,20 +47,10 @@ class Landing:
 
 
 def landings(branches: Sequence[Branch]) -> tuple[tuple[Landing, ...], ...]:
-    """Return the jumps of each branch, with landings on any of the branches.
+    """Return the jumps of each branch in its order, with landings on any of the branches.
 
     Another branch is considered if it has the same model and parameter and equal fixed parameters. Landings that were
     integrated are kept.
-
-    Parameters
-    ----------
-    branches : sequence of Branch
-        Branches that know their jumps.
-
-    Returns
-    -------
-    tuple of tuple of Landing
-        For each branch the landings in the order of its jumps.
     """
     return tuple(tuple(_landing(branches, i, jump) for jump in branch.jumps()) for i, branch in enumerate(branches))
 
@@ -88,22 +73,7 @@ def _landing(branches: Sequence[Branch], origin: int, jump: Jump) -> Landing:
 
 
 def candidates(branches: Sequence[Branch], origin: int, jump: Jump) -> list[tuple[Point, int]]:
-    """Return the stable motions at the value of a jump, with the numbers of their branches.
-
-    Parameters
-    ----------
-    branches : sequence of Branch
-        Branches.
-    origin : int
-        Number of the branch of the jump.
-    jump : Jump
-        Jump.
-
-    Returns
-    -------
-    list of tuple (Point, int)
-        Motions of the own branch first.
-    """
+    """Return the stable motions at the value of a jump, with the numbers of their branches; of the own branch first."""
     points = jump.candidates
     if not points and jump.after is not None and jump.landing == "nearest":  # branch from a file without candidates
         points = (jump.after,)
@@ -111,21 +81,9 @@ def candidates(branches: Sequence[Branch], origin: int, jump: Jump) -> list[tupl
 
 
 def stable_motions(branches: Sequence[Branch], origin: int, value: float) -> list[tuple[Point, int]]:
-    """Return the stable motions of the other branches at a value of the parameter, with the numbers of their branches.
+    """Return the stable motions of other branches at a value of the parameter, with the numbers of their branches.
 
-    Parameters
-    ----------
-    branches : sequence of Branch
-        Branches.
-    origin : int
-        Number of the branch that is left out. Another branch is considered if its parameters are comparable.
-    value : float
-        Value of the parameter.
-
-    Returns
-    -------
-    list of tuple (Point, int)
-        Motions with the numbers of their branches.
+    Another branch than number ``origin`` is considered if its parameters are comparable.
     """
     return [
         (point, i)
@@ -158,18 +116,6 @@ def stable_points(branch: Branch, value: float) -> list[Point]:
     """Return the stable motions of a branch at a value of its parameter.
 
     They are solved for if the branch knows its problem. Otherwise they are interpolated between two stable points.
-
-    Parameters
-    ----------
-    branch : Branch
-        Branch with stability.
-    value : float
-        Value of the parameter.
-
-    Returns
-    -------
-    list of Point
-        Stable motions.
     """
     if branch.problem is not None:
         return [point for point in points_of(branch, value) if point.stable]
@@ -184,25 +130,11 @@ def stable_points(branch: Branch, value: float) -> list[Point]:
 
 
 def same_motion(motion: Point, points: Sequence[Point], tolerance: float = MAX_MOTION_DIFFERENCE) -> int | None:
-    """Return the index of the point that equals a given motion at the same parameter, including its phase.
+    """Return the index of the nearest point that equals a motion at the same parameter, including its phase, or None.
 
-    Motions may differ in resolution and period, and by a shift of whole periods of the excitation. Solutions of the
-    same equations are compared by `hbgear.continuation.solvers.deflation.same_solution`, with a tolerance of Newton's
-    method.
-
-    Parameters
-    ----------
-    motion : Point
-        Motion.
-    points : sequence of Point
-        Motions of the same elements.
-    tolerance : float, optional
-        Largest rms difference relative to the alternating part. The default is `MAX_MOTION_DIFFERENCE`.
-
-    Returns
-    -------
-    int or None
-        Index of the nearest of the points. None if each difference exceeds the tolerance.
+    Motions may differ in resolution and period, and by a shift of whole periods of the excitation. The tolerance is the
+    largest rms difference relative to the alternating part. Solutions of the same equations are compared by
+    `hbgear.continuation.solvers.deflation.same_solution`, with a tolerance of Newton's method.
     """
     differences = [_relative_difference(motion, point) for point in points]
     nearest_index = int(np.argmin(differences)) if differences else -1

@@ -52,16 +52,9 @@ from hbgear.mechanics.models import Model
 
 @dataclass(frozen=True)
 class Arm:
-    """Section of a fold curve on which the parameter is monotonic.
+    """Section of a fold curve on which the parameter is monotonic, with ascending values (P,) and Omega (P,).
 
-    Attributes
-    ----------
-    values : ndarray, shape (P,)
-        Ascending values of the parameter.
-    Omega : ndarray, shape (P,)
-        Frequencies of the jump.
-    direction : {1, -1}
-        1 if a sweep with rising Omega jumps there, -1 for falling Omega.
+    ``direction`` is 1 if a sweep with rising Omega jumps there, -1 for falling Omega.
     """
 
     values: Array

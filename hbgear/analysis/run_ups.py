@@ -41,16 +41,9 @@ _MAX_FOLD_OFFSET = 4
 
 @dataclass(frozen=True, eq=False)
 class BranchSection:
-    """Section of a branch that a slow sweep follows.
+    """Section of a branch that a slow sweep follows, with the numbers of its points in the order of the sweep.
 
-    Attributes
-    ----------
-    branch : Branch
-        Branch of the section.
-    points : ndarray of int
-        Numbers of its points in the order of the sweep.
-    landed : Point or None
-        Motion on which the sweep landed before the first of these points. None if the sweep did not jump there.
+    ``landed`` is the motion on which the sweep landed before the first of these points; None if it did not jump there.
     """
 
     branch: Branch
@@ -64,22 +57,7 @@ class BranchSection:
         return np.array([*first, *self.branch.values[self.points]])
 
     def amplitude(self, measure: str, element: int | str, derivative: int = 0) -> Array:
-        """Return a measure of amplitude for each of the values.
-
-        Parameters
-        ----------
-        measure : str
-            Measure of amplitude, see `Branch.amplitude`.
-        element : int or str
-            Element by number or name.
-        derivative : int, optional
-            Order of the derivative in time. The default is 0.
-
-        Returns
-        -------
-        ndarray
-            Amplitude of each motion of the section.
-        """
+        """Return a measure of amplitude of each motion of the section; see `Branch.amplitude`."""
         rest: Array = self.branch.amplitude(measure, element, derivative=derivative)[self.points]
         if self.landed is None:
             return rest

@@ -36,19 +36,8 @@ Rows = list[list[str]]
 def digits_of(motions: Point | Branch, limit: int = 8) -> int:
     """Return the number of significant digits of amplitudes, from the truncation error relative to the motion.
 
-    The last digit has the size of the error. For a branch the point with the largest relative error decides.
-
-    Parameters
-    ----------
-    motions : Point or Branch
-        One motion or a branch of motions.
-    limit : int, optional
-        Maximum of the result. The default is 8.
-
-    Returns
-    -------
-    int
-        Number of digits, at least 3 where the error is known.
+    The last digit has the size of the error. For a branch the point with the largest relative error decides. There are
+    at least 3 digits where the error is known, and at most ``limit``.
     """
     if motions.layout is None:
         return min(DIGITS_WITHOUT_ERROR, limit)
@@ -98,25 +87,9 @@ def position_texts(branch: Branch, point: Point, dimensionless: bool = False) ->
 def special_table(
     branch: Branch, measure: str | None = None, element: int | str = 0, dimensionless: bool = False
 ) -> tuple[list[str], Rows]:
-    """Return headers and rows of the table of the special points of a branch.
+    """Return headers and rows of the table of the special points of a branch; the measure is one of `Ordinate`.
 
-    Parameters
-    ----------
-    branch : Branch
-        Traced branch.
-    measure : str, optional
-        Measure or engineering quantity, see `Ordinate`; default `usual_measure`.
-    element : int or str, optional
-        Element by number or name; default 0.
-    dimensionless : bool, optional
-        Whether Omega and the units of the model are shown although the model has scales; default False.
-
-    Returns
-    -------
-    headers : list of str
-        Headers.
-    rows : list of list of str
-        Cells.
+    With ``dimensionless`` Omega and the units of the model are shown although the model has scales.
     """
     height = Ordinate(measure or usual_measure(branch, dimensionless, element), element, dimensionless=dimensionless)
     branch = height.prepared(branch)
@@ -142,19 +115,7 @@ def certified_header(branch: Branch, dimensionless: bool = False) -> str:
 def certified_text(branch: Branch, point: SpecialPoint, dimensionless: bool = False) -> str:
     """Return the certified enclosure of the speed of a special point, or of Omega; empty without a certificate.
 
-    Parameters
-    ----------
-    branch : Branch
-        Branch of the point.
-    point : SpecialPoint
-        Special point.
-    dimensionless : bool, optional
-        Whether Omega is shown although the model has scales; default False.
-
-    Returns
-    -------
-    str
-        Two decimals, rounded outward. A speed is the product of the enclosure and the scale of the model.
+    It consists of two decimals, rounded outward. A speed is the product of the enclosure and the scale of the model.
     """
     if not point.certificate:
         return ""
@@ -213,16 +174,6 @@ def leaving_lines(branch: Branch) -> list[str]:
     """Return a line for each kind of special points at which a stable section ends without a jump.
 
     Motions of twice the period or quasi-periodic motions leave there. A sweep continues on them if they are stable.
-
-    Parameters
-    ----------
-    branch : Branch
-        Traced branch.
-
-    Returns
-    -------
-    list of str
-        Lines such as "stability also ends at PD1, where motions of twice the period leave: hbgear switch FILE LABEL".
     """
     if branch.stable is None:
         return []
@@ -242,7 +193,7 @@ def leaving_lines(branch: Branch) -> list[str]:
 
 
 def reliability_lines(branch: Branch, dimensionless: bool = False) -> list[str]:
-    """Return the estimated relative errors of a branch in one line, followed by its warnings.
+    """Return the estimated relative errors of a branch in one line, followed by a line for each of its warnings.
 
     Parameters
     ----------
@@ -324,18 +275,7 @@ def speeds_in_text(branch: Branch, point: Point) -> list[str]:
 
 
 def title_of(branch: Branch) -> str:
-    """Return the title of the model of a branch in words, with the parameters that are no defaults: "Duffing, F = 0.2".
-
-    Parameters
-    ----------
-    branch : Branch
-        Traced branch.
-
-    Returns
-    -------
-    str
-        Title.
-    """
+    """Return the model of a branch in words, with the parameters that are no defaults: "Duffing, F = 0.2"."""
     model = model_of(branch)
     if model is None:
         return describe_changes(branch)
@@ -400,19 +340,8 @@ def _settings_of(branch: Branch) -> dict[str, Any]:
 def summary_facts(branch: Branch, measure: str | None = None, dimensionless: bool = False) -> Iterator[tuple[str, str]]:
     """Yield name and text of each entry of the summary of a branch; entries without content have an empty text.
 
-    Parameters
-    ----------
-    branch : Branch
-        Traced branch.
-    measure : str, optional
-        Measure or engineering quantity, see `Ordinate`; default `usual_measure`.
-    dimensionless : bool, optional
-        Whether Omega and the units of the model are shown although the model has scales; default False.
-
-    Yields
-    ------
-    tuple of str
-        Name and text.
+    The measure is one of `Ordinate`. With ``dimensionless`` Omega and the units of the model are shown although the
+    model has scales.
     """
     stable, layout = branch.stable, branch.layout
     settings = _settings_of(branch)

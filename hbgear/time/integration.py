@@ -59,23 +59,10 @@ class Motion:
 
 @checked_arguments()
 def state_of(problem: Any, X: Array, theta: float = 0.0, **parameters: float) -> Array:
-    """Return the state (q, q') of a harmonic-balance solution at the phase theta.
+    """Return the state (q, q') of a harmonic-balance solution at the phase theta, followed by the sliders.
 
-    Parameters
-    ----------
-    problem : HarmonicBalance
-        Problem of the solution.
-    X : ndarray, shape (m (2H + 1),)
-        Coefficients of the solution.
-    theta : float, optional
-        Basis phase in radians, tau = nu theta.
-    **parameters : float
-        ``Omega``, and values of model parameters that differ from those of the model.
-
-    Returns
-    -------
-    ndarray, shape (2n,)
-        Displacements, then velocities, then the positions of friction sliders.
+    theta is the basis phase in radians, tau = nu theta. The parameters are ``Omega``, and values that differ from those
+    of the model.
     """
     q = problem.motion(X, **parameters)
     velocity = parameters["Omega"] / problem.nu * to_real(derive(to_complex(q)))
@@ -93,20 +80,6 @@ def start_state(problem: Any, X: Array, **parameters: float) -> Array:
     At a breakpoint of the excitation the rates of a truncated series have an error of the order 1/H. The state is
     therefore integrated from the phase before tau = 0 that is farthest from all breakpoints. Without breakpoints, and
     if the integration fails, it is that of `state_of`.
-
-    Parameters
-    ----------
-    problem : HarmonicBalance
-        Problem of the solution.
-    X : ndarray, shape (m (2H + 1),)
-        Coefficients of the solution.
-    **parameters : float
-        ``Omega``, and values of model parameters that differ from those of the model.
-
-    Returns
-    -------
-    ndarray, shape (2n,)
-        Displacements, then velocities, then the positions of friction sliders.
     """
     phases = problem.compiled(parameters).piecewise.phases
     if not len(phases):

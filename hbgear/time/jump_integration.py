@@ -174,22 +174,7 @@ def reason_against(branch: Branch) -> str:
 
 
 def jump_ends(branch: Branch, jump: Jump, settling: SteadyStateSettings = SteadyStateSettings()) -> list[JumpOutcome]:
-    """Integrate the motion at a jump from several values beyond it until it settles.
-
-    Parameters
-    ----------
-    branch : Branch
-        Branch of periodic motions with its problem.
-    jump : Jump
-        Jump of the branch.
-    settling : SteadyStateSettings, optional
-        Conditions under which a motion is settled.
-
-    Returns
-    -------
-    list of JumpOutcome
-        Result of each integration, with increasing distance from the jump.
-    """
+    """Integrate the motion at a jump of a branch from several values beyond it until it settles, the nearest first."""
     problem = branch.problem
     departure = _motion_left(branch, jump)
     start_value = departure.parameters[jump.parameter]
@@ -258,21 +243,8 @@ def landings_of(
 ) -> list[tuple[Jump, list[JumpOutcome]]]:
     """Return the different landings of a jump, the most frequent first, each with its integrations.
 
-    The note of the first jump states the other landings, and whether the motion is left long after it loses stability.
-
-    Parameters
-    ----------
-    branches : sequence of Branch
-        Branch of the jump, followed by the branches on which it may land.
-    jump : Jump
-        Jump of the first branch.
-    outcomes : sequence of JumpOutcome
-        Results of `jump_ends`.
-
-    Returns
-    -------
-    list of tuple
-        Jump with its landing, and the results of `jump_ends` that landed there.
+    The first branch is that of the jump, the ``outcomes`` are results of `jump_ends`. The note of the first jump states
+    the other landings, and whether the motion is left long after it loses stability.
     """
     ends: list[tuple[Jump, list[JumpOutcome]]] = []
     for group in _grouped(outcomes):

@@ -37,22 +37,7 @@ class Observation:
 
 
 def observe(integrator: ExponentialIntegrator, motions: StateBatch, periods: int) -> Observation:
-    """Integrate one motion over a number of excitation periods, in place, and evaluate its amplitudes.
-
-    Parameters
-    ----------
-    integrator : ExponentialIntegrator
-        Integrator of the motion.
-    motions : StateBatch
-        The motion; replaced by its state at the end.
-    periods : int
-        Number of excitation periods.
-
-    Returns
-    -------
-    Observation
-        Amplitudes, harmonics and Poincare points.
-    """
+    """Integrate one motion over a number of excitation periods, in place, and evaluate its amplitudes."""
     fine = integrator.advance(motions, periods, record=True)
     assert fine is not None
     d, v = fine[0][0], fine[1][0]

@@ -99,29 +99,10 @@ class Orbit:
 def variation(
     flow: Flow, structure: LinearStructure, y: Array, nu: int, tolerance: float
 ) -> tuple[Array, Array, ComplexArray]:
-    """Integrate the motion and the variational equation over nu excitation periods.
+    """Integrate the motion from y (2n,) at tau = 0 and the variational equation over nu excitation periods.
 
-    Parameters
-    ----------
-    flow : Flow
-        Equations of motion with the variational equation.
-    structure : LinearStructure
-        Structure of the model.
-    y : ndarray, shape (2n,)
-        State at tau = 0.
-    nu : int
-        Number of excitation periods.
-    tolerance : float
-        Relative error per step.
-
-    Returns
-    -------
-    end : ndarray, shape (2n,)
-        State at the end.
-    Phi : ndarray, shape (2n, 2n)
-        Derivative of the end with respect to y.
-    reduced : ndarray, shape (r, r)
-        The same derivative in modal coordinates, without free motions.
+    The result is the state at the end, its derivative (2n, 2n) with respect to y, and the same derivative (r, r) in
+    modal coordinates, without free motions.
     """
     N, T = flow.size, nu * 2 * np.pi / flow.Omega
     start = np.column_stack([flow.states(y), np.eye(N)])
@@ -144,41 +125,13 @@ def _reduced(structure: LinearStructure, Phi: Array) -> ComplexArray:
 
 
 def to_modal(structure: LinearStructure, y: Array) -> ComplexArray:
-    """Return states in modal coordinates.
-
-    Parameters
-    ----------
-    structure : LinearStructure
-        Structure of the model.
-    y : ndarray, shape (..., 2n + Q)
-        States (q, q') with the positions of Q friction sliders.
-
-    Returns
-    -------
-    ndarray, shape (..., r + Q)
-        Modal coordinates, without free motions; the positions are unchanged.
-    """
+    """Return states (..., 2n + Q) with Q friction sliders in modal coordinates (..., r + Q), without free motions."""
     n = 2 * structure.n
     return np.concatenate([modal_state(structure, y[..., :n]), y[..., n:]], axis=-1)
 
 
 def from_modal(structure: LinearStructure, z: ComplexArray, sliders: int) -> Array:
-    """Return a state from modal coordinates, the inverse of `to_modal`.
-
-    Parameters
-    ----------
-    structure : LinearStructure
-        Structure of the model.
-    z : ndarray, shape (r + Q,)
-        Modal coordinates and positions of the sliders.
-    sliders : int
-        Number Q of friction sliders.
-
-    Returns
-    -------
-    ndarray, shape (2n + Q,)
-        State.
-    """
+    """Return a state (2n + Q,) from modal coordinates and slider positions (r + Q,), the inverse of `to_modal`."""
     r = len(z) - sliders
     return np.concatenate([physical_state(structure, z[:r]), z[r:].real])
 

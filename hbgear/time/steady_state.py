@@ -108,22 +108,7 @@ class Settled:
 def settle(
     integrator: ExponentialIntegrator, motions: StateBatch, settling: SteadyStateSettings = SteadyStateSettings()
 ) -> Settled:
-    """Integrate motions from tau = 0 until each is settled, in place.
-
-    Parameters
-    ----------
-    integrator : ExponentialIntegrator
-        Integrator of the motions.
-    motions : StateBatch
-        Motions; replaced by their states at the end.
-    settling : SteadyStateSettings, optional
-        Conditions under which a motion is settled.
-
-    Returns
-    -------
-    Settled
-        Period, number of integrated periods and remaining distance of each motion.
-    """
+    """Integrate motions from tau = 0 until each is settled, in place."""
     out = unsettled(len(motions.d), settling)
     settle_into(out, integrator, motions, settling, None)
     return out
@@ -147,25 +132,11 @@ def settle_into(
     progress: Callable[[int, int], None] | None,
     nearby: KnownPeriods | None = None,
 ) -> None:
-    """Integrate motions until each is settled, and store each result as soon as it is known.
+    """Integrate motions until each is settled, in place, and store each result as soon as it is known.
 
-    After an interruption, ``out`` and ``motions`` contain the motions that have settled.
-
-    Parameters
-    ----------
-    out : Settled
-        Output.
-    integrator : ExponentialIntegrator
-        Integrator of the motions.
-    motions : StateBatch
-        Motions; replaced by their states at the end.
-    settling : SteadyStateSettings
-        Conditions under which a motion is settled.
-    progress : callable or None
-        Called as ``progress(periods, settled)`` after each test.
-    nearby : callable, optional
-        ``caught(now, before)`` returns the period of a known motion that each motion approaches, 0 without one,
-        from the modal states now and some periods before. These motions are not integrated further.
+    After an interruption, ``out`` and ``motions`` contain the motions that have settled. ``progress(periods, settled)``
+    is called after each test. ``nearby(now, before)`` returns the period of a known motion that each motion approaches,
+    0 without one, from the modal states now and some periods before. These motions are not integrated further.
     """
     B, r = motions.zeta.shape
     block = max(_MAX_STORED_NUMBERS // (_stored_periods(settling) * r), 64)
@@ -247,21 +218,8 @@ def lyapunov(integrator: ExponentialIntegrator, motions: StateBatch, periods: in
 
         lambda = lim (1 / t) sum_p log(|delta_p| / |delta_0|)
 
-    The first quarter of the periods, in which the disturbance turns to the direction of largest growth, is left out.
-
-    Parameters
-    ----------
-    integrator : ExponentialIntegrator
-        Integrator of the motion.
-    motions : StateBatch
-        The motion; it is not changed.
-    periods : int, optional
-        Number of excitation periods. Default: 400.
-
-    Returns
-    -------
-    float
-        Largest Lyapunov exponent.
+    The first quarter of the excitation periods, in which the disturbance turns to the direction of largest growth, is
+    left out. The motion is not changed.
     """
     weights = integrator.weights()
     pair = motions.select(np.array([0, 0]))

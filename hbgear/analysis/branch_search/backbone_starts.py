@@ -47,15 +47,7 @@ _STEPS = StepControl(first_step=0.02, max_step=0.1, max_points=150)
 
 
 class BackboneStarts:
-    """Starts of resonant motions of a problem.
-
-    Attributes
-    ----------
-    problem : HarmonicBalance
-        Equations.
-    size : float
-        Size of the known motions or gaps.
-    """
+    """Starts of resonant motions of a problem, whose known motions or gaps have a given size."""
 
     def __init__(self, problem: HarmonicBalance, size: float) -> None:
         self.problem, self.size = problem, size

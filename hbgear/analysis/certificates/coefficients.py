@@ -32,22 +32,10 @@ def decimal(x: float) -> str:
 
 
 def coefficients_of(equations: Equations) -> dict[str, Any]:
-    """Return the coefficients of a system as plain data; numbers are strings.
+    """Return the coefficients of a system with piecewise-linear laws as plain data; numbers are strings.
 
-    Parameters
-    ----------
-    equations : Equations
-        Equations of a system with piecewise-linear laws.
-
-    Returns
-    -------
-    dict
-        M, C, K, elements, loads, sections (phases of breakpoints of the stiffness) and nu.
-
-    Raises
-    ------
-    NotCertifiedError
-        If the system has terms for which there is no proof.
+    They are M, C, K, elements, loads, sections (phases of breakpoints of the stiffness) and nu. NotCertifiedError is
+    raised if the system has terms for which there is no proof.
     """
     system = equations.system
     _require_provable(system)

@@ -48,18 +48,8 @@ def failing_gap(
 ) -> tuple[int, float] | None:
     """Return the first element and phase for which a sign is not proved; None if all are proved.
 
-    Parameters
-    ----------
-    system : BallSystem
-        The equations.
-    flow : BallFlow
-        Flow of the segment.
-    x : array of balls, shape (2n,)
-        State at the beginning of the segment.
-    ends : (ball, ball)
-        Phases of its ends.
-    gap_signs : list of (int, int, int, int, int)
-        Element, breakpoint, sign of the distance from it, and the orders of the zeros at both ends (0: none).
+    x is the state (2n,) at the beginning of a segment, ``ends`` are the phases of its ends. Each of the ``gap_signs``
+    holds element, breakpoint, sign of the distance from it, and the orders of the zeros at both ends (0: none).
     """
     start = ends[0]
     steps = list(taylor_steps(flow, *ends, matrix(system.extended(x, start)[:, None]), MOTION_ORDER))

@@ -70,15 +70,7 @@ def newton(equations: Equations, z: Balls, scales: Balls) -> Balls | None:
 
 
 class Krawczyk:
-    """Krawczyk's operator with the center z.
-
-    Parameters
-    ----------
-    equations : callable
-        Residual and derivatives.
-    z : array of balls, shape (n,)
-        Center; only the midpoints are used.
-    """
+    """Krawczyk's operator, with the midpoints of z (n,) as center, of equations with their derivatives."""
 
     def __init__(self, equations: Equations, z: Balls) -> None:
         self.equations, self.z = equations, midpoints(z)

@@ -49,23 +49,10 @@ class Proof(NamedTuple):
 
 
 def prove(claim: Mapping[str, Any]) -> Proof:
-    """Prove a claim.
+    """Prove a claim: return enclosures and stability, or raise NotCertifiedError for the condition that fails.
 
-    Parameters
-    ----------
-    claim : mapping
-        Kind, equations (`coefficients_of`), order (`ContactOrder.describe`), Omega of a motion, functional, center and
-        radius of the box, and the factor of the box in which the point is unique.
-
-    Returns
-    -------
-    Proof
-        Enclosures and stability.
-
-    Raises
-    ------
-    NotCertifiedError
-        If a condition fails; the message states which one.
+    The claim has kind, equations (`coefficients_of`), order (`ContactOrder.describe`), Omega of a motion, functional,
+    center and radius of the box, and the factor of the box in which the point is unique.
     """
     flint = needed("flint", "certify", "a certificate")
     with flint.ctx.workprec(PRECISION):

@@ -250,14 +250,8 @@ def _loaded(flanks: Sequence[Flank], side: int) -> list[Flank]:
 def root_stress(mesh: ToothMesh, forces: PairForces, side: int = 1) -> Array:
     """Return the root stress of pinion and wheel [N/m^2] at all positions, shape (2, M, P); nan for a ring gear.
 
-    Parameters
-    ----------
-    mesh : ToothMesh
-        The mesh.
-    forces : PairForces
-        Forces of its pairs [N].
-    side : {1, -1}, default 1
-        Loaded flanks: -1 for the back flanks, whose contact moves from the tip of the pinion to its root.
+    ``forces`` are those of the pairs [N]. ``side`` is -1 for the back flanks, whose contact moves from the tip of the
+    pinion to its root.
     """
     pair = mesh.pair
     begin, end = pair.path

@@ -49,30 +49,10 @@ def is_small(problem: ContactInstants) -> bool:
 def slopes_of(
     problem: ContactInstants, point: SpecialPoint, parameters: Mapping[str, float], parameter: str, names: Sequence[str]
 ) -> Slopes:
-    """Return the derivatives of the coefficients and of the parameter of the curve at a special point.
+    """Return the derivatives of the coefficients (A, n) and of the parameter of the curve (A,) at a special point.
 
-    Parameters
-    ----------
-    problem : ContactInstants
-        Problem of the curve.
-    point : SpecialPoint
-        Point for which `is_exact` holds.
-    parameters : dict of str to float
-        All parameters.
-    parameter : str
-        Parameter of the curve.
-    names : sequence of str
-        Names of A parameters.
-
-    Returns
-    -------
-    Slopes
-        Derivatives (A, n) and (A,).
-
-    Raises
-    ------
-    NoConvergence
-        If a neighbouring model does not have the point.
+    The point is one for which `is_exact` holds, ``parameters`` are all parameters, ``names`` those of the derivatives.
+    NoConvergence is raised if a neighbouring model does not have the point.
     """
     fixed = {name: x for name, x in point.parameters.items() if name != parameter}
     contacts = grazing_contacts(problem, point) if point.kind == "GR" else ()
@@ -99,12 +79,8 @@ def slopes_of_motion(
 ) -> tuple[Array, Array]:
     """Return the derivatives (A, n) of the coefficients of a motion in parameters, and (n,) in that of the curve.
 
-    ``parameters`` are all parameters, with the value of the parameter of the curve.
-
-    Raises
-    ------
-    NoConvergence
-        If a neighbouring model does not have the motion.
+    ``parameters`` are all parameters, with the value of the parameter of the curve. NoConvergence is raised if a
+    neighbouring model does not have the motion.
     """
     fixed = {name: x for name, x in point.parameters.items() if name != parameter}
     value = parameters[parameter]

@@ -25,19 +25,9 @@ from hbgear.continuation.solvers.newton import NoConvergence, solve
 
 
 class RelocatedPoint:
-    """Special point as a function of some parameters.
+    """Special point as for `sensitivity`, as a function of some parameters.
 
-    Parameters
-    ----------
-    point : Point
-        Special point as for `sensitivity`, of a kind with equations.
-    names : sequence of str
-        Names of the parameters that change.
-
-    Raises
-    ------
-    ValueError
-        If the point has no equations, or does not know its problem.
+    ValueError is raised if the point has no equations, or does not know its problem.
     """
 
     def __init__(self, point: Point, names: Sequence[str]) -> None:
@@ -78,24 +68,9 @@ class RelocatedPoint:
         return mu is None or bool(np.abs(mu).max(initial=0.0) < 1 + _CRITICAL_MARGIN)
 
     def solved(self, changes: Array) -> tuple[Array, dict[str, float]]:
-        """Solve for the point with changed parameters.
+        """Return the unknowns U = (X, p) and all parameters of the point with changed parameters (A,).
 
-        Parameters
-        ----------
-        changes : ndarray, shape (A,)
-            Changes of the parameters.
-
-        Returns
-        -------
-        U : ndarray
-            Unknowns and parameter of the branch, (X, p).
-        parameters : dict of str to float
-            All parameters.
-
-        Raises
-        ------
-        NoConvergence, ValueError, numpy.linalg.LinAlgError
-            If there is no point near the prediction of first order.
+        NoConvergence, ValueError or LinAlgError is raised if there is no point near the prediction of first order.
         """
         parameters = _changed(self._parameters, self._names, changes)
         U = self._U + changes @ self._slopes
@@ -124,15 +99,7 @@ _CRITICAL_MARGIN = 1e-2
 
 
 class RelocatedMotion:
-    """Motion at a constant parameter of its branch as a function of some parameters, with the methods of a point.
-
-    Parameters
-    ----------
-    point : Point
-        Motion that is not a fold.
-    names : sequence of str
-        Names of the parameters that change.
-    """
+    """Motion at a constant parameter of its branch, no fold, as a function of parameters, like a point."""
 
     def __init__(self, point: Point, names: Sequence[str]) -> None:
         self._problem, self._parameters, self._parameter = problem_and_parameters(point)

@@ -29,23 +29,9 @@ def base_problem(problem: ContinuationProblem) -> ContinuationProblem:
 
 
 def units_at(problem: ContinuationProblem, parameters: Mapping[str, float], names: Sequence[str]) -> Units:
-    """Return the units of a model and their derivatives in parameters.
+    """Return the units of a model and their derivatives (A,) in parameters, by name.
 
-    Parameters
-    ----------
-    problem : ContinuationProblem
-        Equations of the point.
-    parameters : dict of str to float
-        All parameters.
-    names : sequence of str
-        A names of parameters.
-
-    Returns
-    -------
-    values : dict of str to float
-        "mesh Hz" and "pinion r/min" at Omega = 1, and "m", the unit of length; empty if the model has no `Scales`.
-    derivatives : dict of str to ndarray, shape (A,)
-        Their derivatives.
+    They are "mesh Hz" and "pinion r/min" at Omega = 1, and "m", the unit of length; empty if the model has no `Scales`.
     """
     inner = base_problem(problem)
     if not isinstance(inner, HarmonicBalance) or not (units := units_of(inner.model_at(parameters))):

@@ -53,21 +53,8 @@ SPEED_LABEL = "speed of the pinion [r/min]"
 def kind_of(branch: Branch) -> Literal["periodic", "tori", "backbone"]:
     """Return the kind of motions of a branch in a response figure.
 
-    Parameters
-    ----------
-    branch : Branch
-        Branch to show.
-
-    Returns
-    -------
-    {"periodic", "tori", "backbone"}
-        Kind of its motions.
-
-    Examples
-    --------
-    >>> import hbgear as hb
-    >>> kind_of(hb.analysis.backbone(hb.Duffing(), span=(0.01, 0.1), harmonics=3))
-    'backbone'
+    Examples -------- >>> import hbgear as hb >>> kind_of(hb.analysis.backbone(hb.Duffing(), span=(0.01, 0.1),
+    harmonics=3)) 'backbone'
     """
     if isinstance(branch.layout, TorusLayout):
         return "tori"
@@ -81,26 +68,10 @@ def same_unit_of_amplitude(branches: Sequence[Branch]) -> bool:
 
 
 def are_meshes(model: Model | None, layout: Layout) -> list[bool]:
-    """Return whether each element of a model is a mesh of teeth.
+    """Return whether each element of a model is a mesh of teeth; the first element is one if the model names none.
 
-    Parameters
-    ----------
-    model : Model or None
-        Model; None if it is unknown.
-    layout : Layout
-        Layout of its unknowns.
-
-    Returns
-    -------
-    list of bool
-        One entry for each element; the first element is a mesh if the model names none.
-
-    Examples
-    --------
-    >>> import hbgear as hb
-    >>> pair = hb.gears.GearRotorBearing()
-    >>> are_meshes(pair, hb.HarmonicBalance(pair, 3).layout)
-    [True, False, False]
+    Examples -------- >>> import hbgear as hb >>> pair = hb.gears.GearRotorBearing() >>> are_meshes(pair,
+    hb.HarmonicBalance(pair, 3).layout) [True, False, False]
     """
     names = model.mesh_names if model is not None else ()
     return [name in names if names else number == 0 for number, name in enumerate(layout.elements)]
@@ -212,26 +183,13 @@ class OmegaAxis:
 
 
 def axis_scales(model_scales: Sequence[dict[str, float]], dimensionless: bool = False) -> dict[str, float]:
-    """Return the scales of an axis for models of several scales.
+    """Return the scales of an axis for models of several scales, see `OmegaAxis`; empty if a model has no scales.
 
     Speeds in r/min may be compared if their scales differ. An axis of Omega has speeds above it only if they are equal.
+    The scales are those of the first model, without `MESH` if its ratio to `PINION` differs.
 
-    Parameters
-    ----------
-    model_scales : sequence of dict of str to float
-        Scales of each model, see `OmegaAxis`.
-    dimensionless : bool, optional
-        Whether the axis is Omega; default False.
-
-    Returns
-    -------
-    dict of str to float
-        Scales of the first model, without `MESH` if its ratio to `PINION` differs; empty if a model has no scales.
-
-    Examples
-    --------
-    >>> axis_scales([{"mesh Hz": 500.0, "pinion r/min": 1500.0}, {"mesh Hz": 600.0, "pinion r/min": 1800.0}])
-    {'mesh Hz': 500.0, 'pinion r/min': 1500.0}
+    Examples -------- >>> axis_scales([{"mesh Hz": 500.0, "pinion r/min": 1500.0}, {"mesh Hz": 600.0, "pinion r/min":
+    1800.0}]) {'mesh Hz': 500.0, 'pinion r/min': 1500.0}
     """
     if dimensionless or not model_scales or not all(model_scales):
         return same_scales(model_scales)
@@ -335,13 +293,7 @@ class Ordinate:
         return is_measure(self.measure)
 
     def prepared(self, branch: Branch) -> Branch:
-        """Return the branch, with its problem if the quantity is computed from it.
-
-        Raises
-        ------
-        ValueError
-            If the problem is unknown.
-        """
+        """Return the branch, with its problem if the quantity is computed from it; ValueError if that is unknown."""
         if branch.problem is not None or self.is_amplitude:
             return branch
         try:
@@ -351,13 +303,7 @@ class Ordinate:
             raise ValueError(f"no measure {quoted(self.measure)}; there are {names}, H1, H2, ...; {error}") from None
 
     def along(self, branch: Branch) -> Array:
-        """Return the values at the points of a branch (computed once).
-
-        Raises
-        ------
-        ValueError
-            If the quantity is unknown at all points.
-        """
+        """Return the values at the points of a branch (computed once); ValueError if they are unknown at all points."""
         computed = self._computed.get(id(branch))
         if computed is not None:
             return computed[1]

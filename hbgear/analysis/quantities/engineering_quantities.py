@@ -176,26 +176,13 @@ def machine_quantities(
 
 
 def transmission_error(motions: Branch | Point, element: int | str = 0) -> Array:
-    """Return half the peak-to-peak dynamic transmission error at each point, without the other quantities.
+    """Return half the peak-to-peak dynamic transmission error of a mesh at each point, without the other quantities.
 
-    Parameters
-    ----------
-    motions : Branch or Point
-        Branch of a harmonic balance, or one of its points with its problem.
-    element : int or str, optional
-        Mesh by number or name; default 0.
+    The unit is um if the model has `Scales`, else that of the model.
 
-    Returns
-    -------
-    ndarray
-        Values [um] if the model has `Scales`, else in its unit.
-
-    Examples
-    --------
-    >>> import hbgear as hb
-    >>> curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 8), "Omega", (1.5, 1.4))
-    >>> bool(np.allclose(transmission_error(curve), hb.analysis.machine_quantities(curve)["dte, half peak-to-peak"]))
-    True
+    Examples -------- >>> import hbgear as hb >>> curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 8), "Omega", (1.5,
+    1.4)) >>> bool(np.allclose(transmission_error(curve), hb.analysis.machine_quantities(curve)["dte, half
+    peak-to-peak"])) True
     """
     if isinstance(motions, Branch):
         problem, X = problem_along(motions), np.asarray(motions.X)
@@ -219,22 +206,7 @@ def transmission_error(motions: Branch | Point, element: int | str = 0) -> Array
 def problem_along(branch: Branch, problem: Any = None) -> HarmonicBalance:
     """Return the harmonic balance of a branch: the given one, its own, or the one that its file describes.
 
-    Parameters
-    ----------
-    branch : Branch
-        Branch.
-    problem : HarmonicBalance, optional
-        Given problem.
-
-    Returns
-    -------
-    HarmonicBalance
-        Equations of the branch.
-
-    Raises
-    ------
-    ValueError
-        If the problem is unknown.
+    ValueError is raised if the problem is unknown.
     """
     for candidate in (problem, branch.problem):
         if isinstance(candidate, HarmonicBalance):
@@ -251,16 +223,6 @@ def with_known_problem(branch: Branch) -> Branch:
     """Return a branch with its problem, rebuilt from its file if necessary; unchanged if its model is unknown.
 
     Special points and jumps of a branch without problem have no physical quantities.
-
-    Parameters
-    ----------
-    branch : Branch
-        Branch.
-
-    Returns
-    -------
-    Branch
-        Branch with its problem.
     """
     if branch.problem is not None:
         return branch
@@ -271,26 +233,10 @@ def with_known_problem(branch: Branch) -> Branch:
 
 
 def forces_along(branch: Branch, elements: Sequence[str] | None = None) -> tuple[list[str], list[list[Array]]]:
-    """Return names of elements and the forces of their laws over a period, at each point of a branch.
+    """Return names of elements, and samples of the forces of their laws over a period at each point of a branch.
 
-    Parameters
-    ----------
-    branch : Branch
-        Branch of a harmonic balance.
-    elements : sequence of str, optional
-        Names of the elements. By default `Model.sharing`, or all elements.
-
-    Returns
-    -------
-    names : list of str
-        Names of the elements.
-    forces : list of list of ndarray
-        Samples of the force of each element, for each point.
-
-    Raises
-    ------
-    ValueError, KeyError
-        If the problem is unknown, or there is no such element.
+    The elements are by default those of `Model.sharing`, or all. ValueError or KeyError is raised if the problem is
+    unknown, or there is no such element.
     """
     problem = problem_along(branch)
     layout = problem.layout

@@ -88,40 +88,15 @@ def dynamic_factor(model: Model, point: Point, element: int | str = 0) -> float:
 
 
 def is_static(static: float, largest: float, level: float) -> bool:
-    """Return whether a static force differs from zero; see the thresholds in the module header.
+    """Return whether the mean force of an element is larger than its accuracy and rounding; see the module.
 
-    Parameters
-    ----------
-    static : float
-        Mean force of an element.
-    largest : float
-        Largest absolute force of the element.
-    level : float
-        Force level of the machine, see `force_level`.
-
-    Returns
-    -------
-    bool
-        True if the static force is larger than its accuracy and rounding.
+    ``largest`` is the largest absolute force of the element, ``level`` that of the machine, see `force_level`.
     """
     return abs(static) > max(_FORCE_ACCURACY * largest, _FORCE_ROUNDING * level)
 
 
 def force_level(elements: Sequence[Element], rows: Array) -> float:
-    """Return the largest product of stiffness and displacement of the elements.
-
-    Parameters
-    ----------
-    elements : sequence of Element
-        Elements of the machine.
-    rows : ndarray, shape (m, 2H + 1)
-        Fourier coefficients of their displacements.
-
-    Returns
-    -------
-    float
-        Force level.
-    """
+    """Return the largest product of stiffness and displacement of elements with Fourier coefficients (m, 2H + 1)."""
     sizes = np.abs(rows).sum(axis=1)
     return float(max(_max_stiffness(e, size) * size for e, size in zip(elements, sizes.tolist(), strict=True)))
 

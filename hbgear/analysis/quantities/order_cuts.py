@@ -107,35 +107,13 @@ def order_levels(
     motions: Branch | Point, quantity: str, order: int = 1, element: int | str = 0, dof: int | str | None = None,
     dimensionless: bool = False,
 ) -> Array:  # fmt: skip
-    """Return the levels of `order_amplitudes` [dB].
+    """Return the levels of `order_amplitudes` [dB]; the reference is in `level_title`.
 
-    Parameters
-    ----------
-    motions : Branch or Point
-        Branch or point.
-    quantity : str
-        Quantity, see `order_amplitudes`.
-    order : int, optional
-        Harmonic of the excitation; default 1.
-    element : int or str, optional
-        Mesh by number or name; default 0.
-    dof : int or str, optional
-        Coordinate of the acceleration.
-    dimensionless : bool, optional
-        Whether the reference is one unit of the model although the model has scales; default False.
+    With ``dimensionless`` it is one unit of the model although the model has scales.
 
-    Returns
-    -------
-    ndarray
-        Levels; the reference is in `level_title`.
-
-    Examples
-    --------
-    >>> import hbgear as hb
-    >>> curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 8), "Omega", (1.5, 1.4))
-    >>> cut = hb.analysis.order_amplitudes(curve, "force", 1)
-    >>> bool(np.allclose(order_levels(curve, "force", 1), 20 * np.log10(cut)))
-    True
+    Examples -------- >>> import hbgear as hb >>> curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 8), "Omega", (1.5,
+    1.4)) >>> cut = hb.analysis.order_amplitudes(curve, "force", 1) >>> bool(np.allclose(order_levels(curve, "force",
+    1), 20 * np.log10(cut))) True
     """
     values = order_amplitudes(motions, quantity, order, element, dof)
     reference, cut = 1.0, CUTS[quantity]
@@ -146,22 +124,7 @@ def order_levels(
 
 
 def level_title(motions: Branch | Point, quantity: str, dimensionless: bool = False) -> str:
-    """Return the label of an axis of `order_levels`, with the reference value.
-
-    Parameters
-    ----------
-    motions : Branch or Point
-        Branch or point.
-    quantity : str
-        Quantity.
-    dimensionless : bool, optional
-        Whether the reference is one unit of the model although the model has scales; default False.
-
-    Returns
-    -------
-    str
-        Label.
-    """
+    """Return the label of an axis of `order_levels`, with the reference value."""
     _check(quantity)
     has_units = _scales(motions) is not None and not dimensionless
     return f"level of the {quantity} [dB re {CUTS[quantity].text if has_units else '1 unit of the model'}]"

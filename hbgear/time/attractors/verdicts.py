@@ -69,21 +69,8 @@ def growth_rates(integrator: ExponentialIntegrator, motions: StateBatch, periods
     """Return the mean logarithmic growth (B,) of a disturbance per period: the largest Lyapunov exponent times T.
 
     Each motion has a neighbour at a distance of 1e-8, which is rescaled after each period. The first quarter of the
-    periods, in which the disturbance turns to the direction of largest growth, is left out.
-
-    Parameters
-    ----------
-    integrator : ExponentialIntegrator
-        Integrator of the motions.
-    motions : StateBatch
-        Motions; they are not changed.
-    periods : int
-        Number of excitation periods.
-
-    Returns
-    -------
-    ndarray, shape (B,)
-        Growth rates.
+    periods, in which the disturbance turns to the direction of largest growth, is left out. The motions are not
+    changed.
     """
     count = len(motions.d)
     indices = np.tile(np.arange(count), 2)
@@ -105,23 +92,10 @@ def growth_rates(integrator: ExponentialIntegrator, motions: StateBatch, periods
 
 
 def equal_digits(integrator: ExponentialIntegrator, motions: StateBatch, lag: np.ndarray) -> tuple[Array, Array]:
-    """Return the equal digits of two weighted averages, and the change of the returns between the two sections.
+    """Return the equal digits (B,) of two weighted averages, and the change of the returns between the two sections.
 
-    Parameters
-    ----------
-    integrator : ExponentialIntegrator
-        Integrator of the motions.
-    motions : StateBatch
-        Motions; replaced by their states at the end.
-    lag : ndarray of int, shape (B,)
-        Likely period of each motion.
-
-    Returns
-    -------
-    digits : ndarray, shape (B,)
-        Equal digits.
-    change : ndarray, shape (B,)
-        Relative change of the mean distance |z_{p + k} - z_p|, k the likely period.
+    ``lag`` is the likely period k (B,) of each motion; the change (B,) is that of the mean distance |z_{p + k} - z_p|.
+    The motions are replaced by their states at the end.
     """
     count = len(motions.d)
     digits, change = np.empty(count), np.empty(count)

@@ -259,13 +259,7 @@ class ExponentialIntegrator:
     # ---- states
 
     def start(self, y: Array) -> StateBatch:
-        """Return the motions that start from states (B, 2n) at tau = 0.
-
-        Raises
-        ------
-        ValueError
-            If the shape of the states does not fit the models.
-        """
+        """Return the motions that start from states (B, 2n) at tau = 0; ValueError for another shape."""
         y = np.atleast_2d(np.asarray(y, dtype=float))
         n = self.structures[0].n
         if y.shape[1] != 2 * n or (self.rows > 1 and len(y) != self.rows):

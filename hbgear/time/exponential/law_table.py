@@ -94,10 +94,7 @@ class LawTable:
     def stacked(tables: Sequence[LawTable]) -> LawTable:
         """Return the table of several models, with a first axis in all fields that are not equal for all models.
 
-        Raises
-        ------
-        ValueError
-            If the laws are not of the same kinds, element by element.
+        ValueError is raised if the laws are not of the same kinds, element by element.
         """
         L = max(table.stiffness.shape[1] for table in tables)
         kinds = {(t.element.tobytes(), t.contact.tobytes(), t.in_python.tobytes(), t.low.shape) for t in tables}

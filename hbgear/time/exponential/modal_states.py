@@ -32,13 +32,7 @@ def physical_state(structure: LinearStructure, z: ComplexArray) -> Array:
 
 
 def modes_of(structure: LinearStructure) -> Modes:
-    """Return the modes of a structure.
-
-    Raises
-    ------
-    ValueError
-        If the structure is too large for its modes to be computed.
-    """
+    """Return the modes of a structure; ValueError if it is too large for them to be computed."""
     if structure.modes is None:
         raise ValueError(
             f"the modes of the structure are required, but {structure.n} coordinates are too many: use integrate with "
@@ -49,15 +43,7 @@ def modes_of(structure: LinearStructure) -> Modes:
 
 @dataclass(frozen=True)
 class StoredModes:
-    """One mode of each conjugate pair of a structure, and its real modes.
-
-    Attributes
-    ----------
-    indices : ndarray, shape (q,)
-        Index of each of these modes in all modes.
-    factor : ndarray, shape (q,)
-        2 for a mode of a pair, 1 for a real mode.
-    """
+    """Indices (q,) of one mode of each conjugate pair and of the real modes; factor (q,) 2 for a pair, else 1."""
 
     indices: Integers
     factor: Array

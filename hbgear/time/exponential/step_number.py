@@ -31,24 +31,9 @@ MAX_REFINEMENT = 64
 
 
 def with_sufficient_steps(integrator: Any, motions: StateBatch) -> Any:
-    """Return the integrator with as many steps as motions require.
+    """Return the integrator, or one with as many steps as motions require, which are not changed.
 
-    Parameters
-    ----------
-    integrator : ExponentialIntegrator
-        Integrator.
-    motions : StateBatch
-        Motions, which are not changed.
-
-    Returns
-    -------
-    ExponentialIntegrator
-        The same integrator, or one with more steps.
-
-    Warns
-    -----
-    RuntimeWarning
-        If the largest number of steps does not suffice.
+    A RuntimeWarning is given if the largest number of steps does not suffice.
     """
     largest = np.argsort(-np.abs(motions.zeta + integrator.z).max(axis=1))[:CHECKED_MOTIONS]
     limit = min(integrator.N * MAX_REFINEMENT, MAX_EXCITATION_STEPS)

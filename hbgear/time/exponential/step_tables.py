@@ -34,18 +34,10 @@ def packed(data: Iterable[Any]) -> list[Any]:
 
 @lru_cache(maxsize=8)
 def dense(s: int) -> tuple[Array, Array, Array]:
-    """Return the interpolation in a step from d and h v at 0, the Gauss points and 1.
+    """Return the interpolation in a step from d and h v at 0, the s Gauss points and 1.
 
-    Parameters
-    ----------
-    s : int
-        Number of Gauss points.
-
-    Returns
-    -------
-    tuple of ndarray
-        Contributions of each of these values to the Chebyshev coefficients (2s + 4, 2s + 4), and to d and h v at
-        SAMPLES_PER_STEP + 1 equidistant instants, (2s + 4, SAMPLES_PER_STEP + 1) each.
+    The arrays are the contributions of each of these values to the Chebyshev coefficients (2s + 4, 2s + 4), and to d
+    and h v at SAMPLES_PER_STEP + 1 equidistant instants, (2s + 4, SAMPLES_PER_STEP + 1) each.
     """
     nodes, k = np.concatenate([[0.0], gauss_nodes(s)[0], [1.0]]), np.arange(2 * s + 4)
     matrix = np.linalg.inv(np.concatenate([_chebyshev(nodes, k), _chebyshev_slope(nodes, k)]))

@@ -188,26 +188,9 @@ class SliderFlow:
 
 
 def complete_state(flow: Any, t: float, y: Array) -> Array:
-    """Return a state of a `Flow` with the positions of its friction sliders.
+    """Return a state (2n,) or (2n + Q,) of a `Flow` at an instant with the positions of its Q friction sliders.
 
-    Parameters
-    ----------
-    flow : Flow
-        Equations of motion.
-    t : float
-        Instant of the state.
-    y : ndarray, shape (2n,) or (2n + Q,)
-        State (q, q'), with or without positions; by default they are the residual ones, within the friction limits.
-
-    Returns
-    -------
-    ndarray, shape (2n + Q,)
-        State with positions.
-
-    Raises
-    ------
-    ValueError
-        If the state has another shape.
+    Without positions they are the residual ones, within the friction limits. ValueError is raised for another shape.
     """
     n, Q = 2 * flow.structure.n, len(flow.sliders)
     if y.shape not in ((n,), (n + Q,)):

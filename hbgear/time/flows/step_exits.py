@@ -12,16 +12,9 @@ from hbgear.time.exponential.segments import SAMPLES_PER_STEP, Integers, first_e
 
 
 def exits_in_step(solver: Any, tests: Callable[[Array], Array], low: Array, high: Array) -> Array:
-    """Return the instants (Q,) in the last step at which test functions first leave (low, high), inf if they do not.
+    """Return the instants (Q,) in the last step of a SciPy solver at which functions leave (low, high), else inf.
 
-    Parameters
-    ----------
-    solver : OdeSolver
-        Solver of SciPy after a step.
-    tests : callable
-        ``tests(t)`` returns the functions (Q, T) at instants (T,) of the step.
-    low, high : ndarray, shape (Q,)
-        Ends of the ranges.
+    ``tests(t)`` returns the functions (Q, T) at instants (T,) of the step.
     """
 
     def value(rows: Integers, instants: Array) -> Array:

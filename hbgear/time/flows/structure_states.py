@@ -156,19 +156,8 @@ class StructureStates:
     def consistent_rates(self, v: Array, forces: Forces) -> Array:
         """Return the rates (m,) of all elements with the forces of those that act on coordinates without mass.
 
-        There must be such elements, see `following`.
-
-        Parameters
-        ----------
-        v : ndarray, shape (m,)
-            Rates without these forces.
-        forces : callable
-            Returns p and dp/dv of these elements at rates v (m,).
-
-        Raises
-        ------
-        ArithmeticError
-            If no rates are found.
+        There must be such elements, see `following`. v (m,) are the rates without these forces, which ``forces``
+        returns with their derivatives at rates v. ArithmeticError is raised if no rates are found.
         """
         rows, out = self.following, v.copy()
         for _ in range(_MAX_ITERATIONS):

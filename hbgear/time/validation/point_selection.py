@@ -38,22 +38,7 @@ _BRANCH_POINT_TOLERANCE = 1e-3
 def problem_for(branch: Branch, problem: Any = None) -> Any:
     """Return the harmonic balance of a branch: the given one, its own, or one rebuilt from its header.
 
-    Parameters
-    ----------
-    branch : Branch
-        Branch of periodic motions.
-    problem : HarmonicBalance, optional
-        Problem of the branch.
-
-    Returns
-    -------
-    HarmonicBalance
-        Problem with the harmonics of the branch.
-
-    Raises
-    ------
-    ValueError, KeyError
-        If the branch does not contain periodic motions, or the problem does not fit it.
+    ValueError or KeyError is raised if the branch does not contain periodic motions, or the problem does not fit it.
     """
     layout = layout_of(branch)
     if layout is None or "Omega" not in branch.parameters_at(0):
@@ -97,20 +82,7 @@ _UNFORCED = {
 
 
 def same_model(stored: Any, model: Any) -> None:
-    """Raise if a model is not the one in the header of a branch.
-
-    Parameters
-    ----------
-    stored : dict or None
-        Description of the model in the header; without it every model is accepted.
-    model : Model
-        Model to be compared.
-
-    Raises
-    ------
-    ValueError
-        If the model differs, or the header has no description.
-    """
+    """Raise ValueError if a model is not the one in the header of a branch; without a header any is accepted."""
     current = describe(model)
     if not stored:
         return
@@ -128,24 +100,10 @@ def same_model(stored: Any, model: Any) -> None:
 
 
 def choose(branch: Branch, points: int | Sequence[int | str]) -> list[tuple[int, str]]:
-    """Select the points to be compared.
+    """Select the points of a branch to be compared: index and reason of each point, in the order of the branch.
 
-    Parameters
-    ----------
-    branch : Branch
-        Branch of periodic motions.
-    points : int or sequence of int or str
-        Number of points, or indices of points and labels of special points.
-
-    Returns
-    -------
-    list of tuple
-        Index and reason of each point, in the order of the branch.
-
-    Raises
-    ------
-    ValueError, IndexError, KeyError
-        If no point is given, or a point is not on the branch.
+    The points are a number, or indices and labels of special points. ValueError, IndexError or KeyError is raised if no
+    point is given, or a point is not on the branch.
     """
     if isinstance(points, int | np.integer):
         return _selected_points(branch, counted("points", points, _MAX_POINTS))
