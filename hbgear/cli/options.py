@@ -16,16 +16,8 @@ from hbgear.harmonic.models import model_registry
 def file_option(text: str, endings: tuple[str, ...], *names: str, default: str | bool = True) -> Any:
     """Return an option for a file that is written; it is refused before the computation if it could not be written.
 
-    Parameters
-    ----------
-    text : str
-        Help.
-    endings : tuple of str
-        Allowed endings of the name, such as ``(".csv",)``.
-    *names : str
-        Names of the option, by default that of the argument.
-    default : str or bool, optional
-        Description of the default in the help.
+    ``text`` is its help, ``endings`` are the allowed endings of the name, such as ``(".csv",)``, ``names`` those of the
+    option, by default that of the argument, and ``default`` describes the default in the help.
     """
 
     def checked(path: Path | None) -> Path | None:

@@ -84,10 +84,7 @@ def exit_code(branch: hb.Branch) -> int:
 def finish(result: Any, *parts: Any) -> None:
     """Print a message if a result is not complete, and end the command with the exit code of it and its parts.
 
-    Raises
-    ------
-    typer.Exit
-        With 3 if any has a status that is not complete, else 0.
+    The code is 3 if any has a status that is not complete, else 0.
     """
     if not result.status.complete:
         print_message("stopped early", result.message)

@@ -83,10 +83,7 @@ class Outputs:
 def outputs() -> Iterator[Outputs]:
     """Write the files of a block before the result is printed; report at the end which files were written.
 
-    Raises
-    ------
-    typer.Exit
-        With 2 if a file is not at its path.
+    The command ends with the code 2 if a file is not at its path.
     """
     out = Outputs()
     try:

@@ -50,31 +50,10 @@ def is_number(text: str) -> bool:
 def parameter_value(labels: Mapping[str, str], option: str, name: str, text: str) -> float:
     """Return the value of a parameter: a number in the unit of its label, or a quantity with another unit.
 
-    Parameters
-    ----------
-    labels : mapping
-        Labels of parameters by name, which end in their units.
-    option : str
-        Option, for messages.
-    name : str
-        Name of the parameter.
-    text : str
-        Number or quantity.
+    ``labels`` by name end in their units, ``option`` is named in messages. ValueError is raised if the text is no
+    number and no quantity of this unit.
 
-    Returns
-    -------
-    float
-        Value in the unit of the label.
-
-    Raises
-    ------
-    ValueError
-        If the text is no number and no quantity of this unit.
-
-    Examples
-    --------
-    >>> parameter_value({"backlash": "backlash [um]"}, "--set", "backlash", "0.09 mm")
-    90.0
+    Examples -------- >>> parameter_value({"backlash": "backlash [um]"}, "--set", "backlash", "0.09 mm") 90.0
     """
     unit = unit_of(str(labels.get(name, name)))
     unit = "" if unit == "1" else unit
@@ -96,36 +75,14 @@ def value_in_model(model: hb.mechanics.Model, option: str, name: str, text: str)
 def amplitude_in_model(
     model: hb.mechanics.Model, option: str, measure: str, text: str, changed: Collection[str] = ()
 ) -> float:
-    """Return an amplitude in the unit of a model, from a quantity with its unit if the model has a unit of length.
+    """Return an amplitude in the unit of a model, from a quantity such as "20um" if the model has a unit of length.
 
-    Parameters
-    ----------
-    model : Model
-        Model.
-    option : str
-        Option, for messages.
-    measure : str
-        Measure of the amplitude.
-    text : str
-        Number, or quantity such as "20um".
-    changed : collection of str, optional
-        Parameters that will change. The unit of length must not depend on them.
+    ``option`` is named in messages. The unit of length must not depend on the parameters that will be ``changed``.
+    ValueError is raised if the text has no unit although the model has one, or the other way round, or if the unit will
+    change.
 
-    Returns
-    -------
-    float
-        Amplitude.
-
-    Raises
-    ------
-    ValueError
-        If the text has no unit although the model has one, or the other way round, or if the unit will change.
-
-    Examples
-    --------
-    >>> import hbgear as hb
-    >>> round(amplitude_in_model(hb.gears.DoubleHelicalPair(b_c=4e-5), "--peak", "pp2", "20um"), 12)
-    0.5
+    Examples -------- >>> import hbgear as hb >>> round(amplitude_in_model(hb.gears.DoubleHelicalPair(b_c=4e-5),
+    "--peak", "pp2", "20um"), 12) 0.5
     """
     length, dimension = length_scale(model, {}), dimension_of(measure)
     if length is None or not dimension:

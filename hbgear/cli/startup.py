@@ -38,13 +38,7 @@ def begin() -> None:
 
 
 def open_streams() -> bool:
-    """Open closed standard streams on the null device.
-
-    Returns
-    -------
-    bool
-        True if the standard output was closed.
-    """
+    """Open closed standard streams on the null device; return whether the standard output was closed."""
     stdout_closed = sys.stdout is None
     for descriptor, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
         if getattr(sys, name) is None:

@@ -249,12 +249,8 @@ def label_on_curve(number: int, point: hb.SpecialPoint | hb.Jump | Any) -> str:
 def numbered(branch: hb.Branch, text: str, option: str = "LABEL") -> tuple[int, str]:
     """Return the number, from 0, of the curve to which ``LP1``, ``2:LP1`` or ``LP1 (2)`` belongs, and ``LP1``.
 
-    Tables print the second form, figures the third one.
-
-    Raises
-    ------
-    ValueError
-        If the file has no such curve, or no number is given and only another curve has a point with this label.
+    Tables print the second form, figures the third one. ValueError is raised if the file has no such curve, or no
+    number is given and only another curve has a point with this label.
     """
     curves = branch.curves
     before, after = re.fullmatch(r"(\d+):(.+)", text), re.fullmatch(r"(.+) \((\d+)\)", text)

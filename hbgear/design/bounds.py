@@ -11,32 +11,11 @@ from hbgear.harmonic.harmonic_balance import HarmonicBalance
 def bounds_of(
     problem: HarmonicBalance, name: str, bounds: Sequence[float] | None, factors: tuple[float, float], caller: str
 ) -> tuple[float, float]:
-    """Return the lower and the upper bound of a parameter in a search.
+    """Return the lower and the upper bound of a parameter in a search; ``caller`` is the function named in messages.
 
-    Parameters
-    ----------
-    problem : HarmonicBalance
-        Problem of the model.
-    name : str
-        Name of the parameter.
-    bounds : sequence of float or None
-        Given bounds. None: the value of the model times both factors, within the range of the parameter.
-    factors : tuple[float, float]
-        Factors of the default bounds.
-    caller : str
-        Name of the calling function, for error messages.
-
-    Returns
-    -------
-    tuple[float, float]
-        Lower and upper bound.
-
-    Raises
-    ------
-    KeyError
-        If the model has no such parameter.
-    ValueError
-        If the bounds do not ascend or exceed the range, or if none are given and the value of the model is zero.
+    Without given bounds they are the value of the model times both factors, within the range of the parameter. KeyError
+    is raised if the model has no such parameter, ValueError if the bounds do not ascend or exceed the range, or if none
+    are given and the value of the model is zero.
     """
     problem.check_parameter(name)
     if name == "Omega":

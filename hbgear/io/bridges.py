@@ -222,13 +222,7 @@ def _nodes(transform: Array) -> list[int]:
 
 
 def _direction(coupling: Array) -> Array:
-    """Return w of a matrix w w^T, with a positive largest entry.
-
-    Raises
-    ------
-    ValueError
-        If the matrix does not have this form.
-    """
+    """Return w of a matrix w w^T, with a positive largest entry; ValueError for any other matrix."""
     values, vectors = np.linalg.eigh(0.5 * (coupling + coupling.T))
     rounding = _RANK_ONE_TOLERANCE * values[-1]
     if np.abs(coupling - coupling.T).max() > rounding or np.abs(values[:-1]).max() > rounding:

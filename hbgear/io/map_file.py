@@ -24,10 +24,7 @@ from hbgear.mechanics.models import differing_fields
 def save_map(jump_map: JumpMap, path: str | os.PathLike[str]) -> None:
     """Write the response curves and fold curves of a jump map to an .npz, completely or not at all.
 
-    Raises
-    ------
-    ValueError
-        If it has no response curve yet, or the path does not end in .npz.
+    ValueError is raised if it has no response curve yet, or the path does not end in .npz.
     """
     if not jump_map.curves:
         raise ValueError("the jump map has no response curve yet, so there is nothing to save")
@@ -41,30 +38,10 @@ def read_map(
     path: str | os.PathLike[str], problem: HarmonicBalance, parameter: str, span: tuple[float, float],
     frequencies: tuple[float, float],
 ) -> JumpMap:  # fmt: skip
-    """Read the part of a jump map that `save_map` wrote, for ``known`` of `jump_map`; it has no arms.
+    """Read the part of a jump map that `save_map` wrote, for ``known`` of `jump_map`, with the status ``interrupted``.
 
-    Parameters
-    ----------
-    path : str or path-like
-        Path of the file.
-    problem : HarmonicBalance
-        Problem of the map to continue.
-    parameter : str
-        Design parameter of the map to continue.
-    span : (float, float)
-        Range of the design parameter.
-    frequencies : (float, float)
-        Span of Omega.
-
-    Returns
-    -------
-    JumpMap
-        The curves of the file, with the status ``interrupted``.
-
-    Raises
-    ------
-    ValueError
-        If the file cannot be read, or belongs to another map.
+    Problem, parameter, its span and the frequencies are those of the map to continue. The result has no arms.
+    ValueError is raised if the file cannot be read, or belongs to another map.
     """
     first = load(path)
     expected = {**problem.describe(), "map": _settings(parameter, span, frequencies)}

@@ -231,13 +231,7 @@ def from_matrices(
 
 
 def skew(G: Any) -> Any:
-    """Return a gyroscopic matrix without its symmetric part, which must be rounding.
-
-    Raises
-    ------
-    ValueError
-        If the symmetric part is larger.
-    """
+    """Return a gyroscopic matrix without its symmetric part, which must be rounding; ValueError if it is larger."""
     G = square("G", G)
     if abs(G + G.T).max() > SYMMETRIC_PART_TOLERANCE * abs(G).max():
         raise ValueError("G must be skew-symmetric, G^T = -G, the gyroscopic matrix; dissipative terms belong in C")

@@ -39,25 +39,8 @@ def enlarge(
 ) -> Any:
     """Draw the longest of the unstable sections below `_MIN_VISIBLE_LENGTH` enlarged on inset axes.
 
-    Parameters
-    ----------
-    ax : Axes
-        Axes of the curve.
-    branch : Branch
-        The curve.
-    abscissa : Abscissa
-        Its horizontal axis.
-    amplitude : ndarray, shape (P,)
-        Heights of its points.
-    element : int or str
-        Element of the amplitude.
-    draw : callable
-        ``draw(axes, factor)`` draws the curve on other axes, enlarged by a factor.
-
-    Returns
-    -------
-    Rectangle or None
-        Frame of the inset axes; None if there is no such section.
+    ``amplitude`` (P,) has the heights of the points of the branch. ``draw(axes, factor)`` draws the curve on other
+    axes, enlarged by a factor. The result is the frame of the inset axes; None if there is no such section.
     """
     figure: Any = ax.figure
     x = abscissa.along(branch)

@@ -181,17 +181,9 @@ def without_windows() -> Iterator[None]:
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """Return a new figure, which `matplotlib.pyplot.show` shows unless it is drawn `without_windows`.
+    """Return a new figure of a size [in] with constrained layout.
 
-    Parameters
-    ----------
-    width, height : float
-        Size [in].
-
-    Returns
-    -------
-    Figure
-        The figure, with constrained layout.
+    `matplotlib.pyplot.show` shows it unless it is drawn `without_windows`.
     """
     if _windows.get():
         import matplotlib.pyplot as plt
@@ -219,21 +211,8 @@ SPEEDS = {PINION: "speed of the pinion [r/min]", MESH: "mesh frequency [Hz]"}
 def scaled_axes(ax: Axes, units: dict[str, float], side: str = "top", title: str = SPEEDS[MESH]) -> list[Any]:
     """Add axes at the top or on the right, which show the values of an axis times each scale.
 
-    Parameters
-    ----------
-    ax : Axes
-        Axes whose abscissa (top) or ordinate (right) is Omega or an order of it.
-    units : dict of str to float
-        Values of Omega = 1 in physical units, with the keys of `SPEEDS`.
-    side : {"top", "right"}, optional
-        Side of the new axes; default "top".
-    title : str, optional
-        Label of the axis of the mesh frequency.
-
-    Returns
-    -------
-    list of SecondaryAxis
-        The added axes.
+    The abscissa (top) or ordinate (right) is Omega or an order of it. ``units`` are values of Omega = 1 in physical
+    units, with the keys of `SPEEDS`; ``title`` is the label of the axis of the mesh frequency.
     """
     titles = {**SPEEDS, MESH: title}
     added: list[Any] = []
@@ -255,13 +234,7 @@ def _times(scale: float) -> tuple[Any, Any]:
 
 
 def heighten(ax: Axes) -> None:
-    """Increase the height of the figure by 0.6 in for the axes above.
-
-    Parameters
-    ----------
-    ax : Axes
-        Axes of the figure.
-    """
+    """Increase the height of the figure by 0.6 in for the axes above."""
     figure: Any = ax.figure
     figure.set_figheight(figure.get_figheight() + 0.6)
 
@@ -314,20 +287,7 @@ def styled() -> Any:
 
 
 def axes_or_new(ax: Axes | None, size: tuple[float, float]) -> Axes:
-    """Return these axes, or new ones of a size.
-
-    Parameters
-    ----------
-    ax : Axes or None
-        Axes to draw on.
-    size : tuple of float
-        Width and height of the new figure [in] in the style "journal".
-
-    Returns
-    -------
-    Axes
-        The axes.
-    """
+    """Return these axes, or new ones of a width and height [in] in the style "journal"."""
     if ax is not None:
         return ax
     width, height = (SIZES[_current.get()] * x for x in size)
@@ -338,11 +298,6 @@ def dress(ax: Axes) -> None:
     """Set the style of ticks and axis labels, and write micrometres as in all figures.
 
     Ticks are created when the figure is drawn, outside the context of `styled`; axes of the caller have other fonts.
-
-    Parameters
-    ----------
-    ax : Axes
-        Axes to style.
     """
     settings = current_settings()
     for title in (ax.xaxis.label, ax.yaxis.label):
@@ -357,12 +312,7 @@ def dress(ax: Axes) -> None:
 def dress_with_speeds(ax: Axes, units: dict[str, float]) -> None:
     """Set the style of ticks and axis labels, and add axes of physical units above; the figure becomes higher for them.
 
-    Parameters
-    ----------
-    ax : Axes
-        Axes to style.
-    units : dict of str to float
-        Values of Omega = 1 in physical units, see `scaled_axes`; empty for no axes.
+    ``units`` is that of `scaled_axes`; empty for no axes.
     """
     dress(ax)
     if scaled_axes(ax, units):
@@ -370,20 +320,7 @@ def dress_with_speeds(ax: Axes, units: dict[str, float]) -> None:
 
 
 def gap_label(layout: Layout | None, element: int | str) -> str:
-    """Return the symbol of the motion of an element, with the name of the element if there are several.
-
-    Parameters
-    ----------
-    layout : Layout or None
-        Layout of the solution.
-    element : int or str
-        Element by number or name.
-
-    Returns
-    -------
-    str
-        Axis label.
-    """
+    """Return the symbol of the motion of an element, with the name of the element if there are several."""
     return motion_text({}) if layout is None else motion_text(layout.labels, layout.elements, layout.index(element))
 
 
@@ -411,32 +348,15 @@ def regime_of(layout: Layout | None, codes: NDArray[np.int8], element: int | str
 
 
 def in_words(regime: str) -> str:
-    """Return the name of a regime in a legend, such as "single-sided".
-
-    Parameters
-    ----------
-    regime : str
-        Name of the regime, such as "single_sided".
-
-    Returns
-    -------
-    str
-        Legend entry.
-    """
+    """Return the name of a regime such as "single_sided" in a legend, "single-sided"."""
     return regime.replace("_sided", "-sided").replace("_", " ")
 
 
 def add_legend(ax: Axes, outside: bool = False, widths: bool = False) -> None:
     """Add a legend with one entry for each colour, line width, line style and symbol on the axes.
 
-    Parameters
-    ----------
-    ax : Axes
-        Axes with the lines.
-    outside : bool, optional
-        Whether the legend is to the right of the axes; default False.
-    widths : bool, optional
-        Whether the line widths are regimes, which then have entries; default False.
+    It may lie to the right of the axes, ``outside``. With ``widths`` the line widths are regimes, which then have
+    entries.
     """
     from matplotlib.lines import Line2D
 

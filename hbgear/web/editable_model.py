@@ -68,57 +68,18 @@ class EditableModel(ABC):
 
     @abstractmethod
     def model(self, values: Mapping[str, float]) -> Model:
-        """Return the model with these values.
+        """Return the model with values by parameter; others keep their initial values.
 
-        Parameters
-        ----------
-        values : mapping of str to float
-            Values by parameter; others keep their initial values.
-
-        Returns
-        -------
-        Model
-            The model.
-
-        Raises
-        ------
-        ValueError, KeyError
-            If a parameter is unknown or a value is out of range.
+        ValueError or KeyError is raised if a parameter is unknown or a value is out of range.
         """
 
     @abstractmethod
     def python(self, values: Mapping[str, float]) -> str:
-        """Return Python code that creates the model with the name ``model``.
-
-        Parameters
-        ----------
-        values : mapping of str to float
-            Values by parameter.
-
-        Returns
-        -------
-        str
-            Lines of Python.
-        """
+        """Return lines of Python that create the model with values by parameter under the name ``model``."""
 
     @abstractmethod
     def toml(self, values: Mapping[str, float], span: tuple[float, float], harmonics: int) -> str:
-        """Return a file of a machine, or of a study of this design, which hbgear reads.
-
-        Parameters
-        ----------
-        values : mapping of str to float
-            Values by parameter.
-        span : tuple of float
-            Range of Omega.
-        harmonics : int
-            Number of harmonics.
-
-        Returns
-        -------
-        str
-            Text of the .toml file.
-        """
+        """Return the .toml text of a machine, or of a study of this design, which hbgear reads."""
 
 
 class EditableInstance(EditableModel):

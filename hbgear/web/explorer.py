@@ -47,15 +47,7 @@ class Superseded(Exception):
 
 @dataclass(eq=False)
 class Job:
-    """A running computation: its progress, and whether it is cancelled.
-
-    Attributes
-    ----------
-    last_progress : Progress
-        Last reported progress.
-    cancelled : bool
-        Whether the next progress report ends the computation.
-    """
+    """A running computation: its last reported progress, and whether the next report ends it."""
 
     last_progress: Progress = field(default_factory=Progress)
     cancelled: bool = False
@@ -68,17 +60,7 @@ class Job:
 
 @dataclass(frozen=True)
 class Request:
-    """A request of a page.
-
-    Attributes
-    ----------
-    values : dict of str to float
-        Values by parameter.
-    span : tuple of float
-        Range of Omega.
-    harmonics : int
-        Number of harmonics.
-    """
+    """A request of a page: values by parameter, range of Omega and number of harmonics."""
 
     values: dict[str, float]
     span: tuple[float, float]
@@ -86,22 +68,9 @@ class Request:
 
     @classmethod
     def of(cls, content: Mapping[str, Any]) -> Request:
-        """Return the request that a page sent as JSON.
+        """Return the request that a page sent as JSON, with the keys values, span and harmonics.
 
-        Parameters
-        ----------
-        content : mapping
-            Object with the keys values, span and harmonics.
-
-        Returns
-        -------
-        Request
-            The request.
-
-        Raises
-        ------
-        ValueError
-            If an entry is missing or has another form.
+        ValueError is raised if an entry is missing or has another form.
         """
         values, span, harmonics = content.get("values"), content.get("span"), content.get("harmonics")
         if not isinstance(values, dict) or not all(isinstance(name, str) for name in values):
@@ -178,20 +147,7 @@ class Explorer:
                     del self._jobs[session, kind]
 
     def progress(self, session: str, kind: str) -> dict[str, Any]:
-        """Return the progress of a computation.
-
-        Parameters
-        ----------
-        session : str
-            Session of the page.
-        kind : {"curve", "map"}
-            Kind of computation.
-
-        Returns
-        -------
-        dict
-            ``busy``, and if true ``done`` (fraction, or None if unknown) and ``text``.
-        """
+        """Return the progress of a computation: ``busy``, and if true ``done`` (fraction or None) and ``text``."""
         with self._lock:
             job = self._jobs.get((session, kind))
         if job is None:
@@ -203,41 +159,17 @@ class Explorer:
         }
 
     def cancel(self, session: str | None = None, kind: str | None = None) -> None:
-        """Cancel running computations.
-
-        Parameters
-        ----------
-        session : str, optional
-            Session of the page; by default all sessions.
-        kind : {"curve", "map"}, optional
-            Kind of computation; by default all kinds.
-        """
+        """Cancel running computations, by default of all sessions and of both kinds."""
         with self._lock:
             for (job_session, job_kind), job in self._jobs.items():
                 if session in (None, job_session) and kind in (None, job_kind):
                     job.cancelled = True
 
     def curve(self, session: str, request: Request) -> dict[str, Any]:
-        """Compute the response curve of a request.
+        """Return the curves of a request for the page, the time [s], and the message of an incomplete branch.
 
-        Parameters
-        ----------
-        session : str
-            Session of the page.
-        request : Request
-            Values, range and harmonics.
-
-        Returns
-        -------
-        dict
-            Curves for the page, time of the computation [s], and the message of an incomplete branch.
-
-        Raises
-        ------
-        Superseded
-            If a later request replaces this one.
-        ValueError, KeyError, NoConvergence
-            If a value is invalid, or no periodic solution is found.
+        Superseded is raised if a later request replaces this one, ValueError, KeyError or NoConvergence if a value is
+        invalid, or no periodic solution is found.
         """
         started = time.perf_counter()
         with self._job(session, "curve") as job:
@@ -256,22 +188,7 @@ class Explorer:
     def details(self, session: str, request: Request) -> dict[str, Any]:
         """Return the tables of the curve that was last shown, and a Python script that computes it.
 
-        Parameters
-        ----------
-        session : str
-            Session of the page.
-        request : Request
-            Values, range and harmonics of the curve.
-
-        Returns
-        -------
-        dict
-            Tables, model and script.
-
-        Raises
-        ------
-        ValueError
-            If the session has no curve yet.
+        ValueError is raised if the session has no curve yet.
         """
         branch = self._last_curve(session)
         curves = branch.curves
@@ -291,18 +208,7 @@ class Explorer:
         return trace(problem, "Omega", request.span, progress=job)
 
     def python(self, request: Request) -> str:
-        """Return a script that computes the same curve.
-
-        Parameters
-        ----------
-        request : Request
-            Values, range and harmonics.
-
-        Returns
-        -------
-        str
-            Python script.
-        """
+        """Return a Python script that computes the curve of a request."""
         return (
             f"import hbgear as hb\n\n{self.subject.python(request.values)}\n"
             f"curve = hb.trace(hb.HarmonicBalance(model, {request.harmonics}), 'Omega', {request.span!r})\n"
@@ -310,29 +216,11 @@ class Explorer:
         )
 
     def jump_map(self, session: str, request: Request, axes: Any) -> dict[str, Any]:
-        """Compute a jump map in a plane of two parameters, one of which may be Omega.
+        """Return lines and axis labels of a jump map in a plane of two parameters, one of which may be Omega.
 
-        Parameters
-        ----------
-        session : str
-            Session of the page.
-        request : Request
-            Values and harmonics.
-        axes : dict
-            ``{"x": [name, from, to], "y": [name, from, to], "Omega": value}``; the value of Omega is used if
-            neither axis is Omega.
-
-        Returns
-        -------
-        dict
-            Lines, axis labels, and a message if the map is empty or incomplete.
-
-        Raises
-        ------
-        Superseded
-            If a later request replaces this one.
-        ValueError, KeyError
-            If the axes are invalid or a parameter is unknown.
+        ``axes`` is ``{"x": [name, from, to], "y": [name, from, to], "Omega": value}``; the value of Omega is used if
+        neither axis is Omega. A message states that the map is empty or incomplete. Superseded is raised if a later
+        request replaces this one, ValueError or KeyError if the axes are invalid or a parameter is unknown.
         """
         ends = _ends(axes)
         x, y = ends
@@ -350,21 +238,9 @@ class Explorer:
         return {"lines": map_lines, "labels": labels, "message": message}
 
     def measured(self, request: Request, content: bytes, name: str) -> dict[str, Any]:
-        """Return the measured points of a file whose bytes the page has read.
+        """Return the measured points of a file, whose content the page has read, as groups of dots; see `overlay.dots`.
 
-        Parameters
-        ----------
-        request : Request
-            Values of the model, whose scales convert the data.
-        content : bytes
-            Content of the file.
-        name : str
-            Name of the file.
-
-        Returns
-        -------
-        dict
-            Groups of dots, see `hbgear.web.overlay.dots`.
+        The scales of the model convert the data.
         """
         model = self.subject.model(request.values)
         data = measurements_of(content, name)
@@ -372,26 +248,9 @@ class Explorer:
         return {"groups": dots(data, name, units_of(model), amplitude, [model])}
 
     def saved_as(self, session: str, kind: str, request: Request) -> tuple[str, bytes]:
-        """Return name and content of a file to save.
+        """Return name and content of a file: of the curve last shown ("npz", "html") or the design ("toml", "py").
 
-        Parameters
-        ----------
-        session : str
-            Session of the page.
-        kind : {"npz", "html", "toml", "py"}
-            Curve that was last shown ("npz", "html"), or the design ("toml", "py").
-        request : Request
-            Values, range and harmonics of the design.
-
-        Returns
-        -------
-        tuple of str and bytes
-            Name and content.
-
-        Raises
-        ------
-        ValueError
-            If the session has no curve yet, or the kind is unknown.
+        ValueError is raised if the session has no curve yet, or the kind is unknown.
         """
         if kind == "toml":
             return "design.toml", self.subject.toml(request.values, request.span, request.harmonics).encode()

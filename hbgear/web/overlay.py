@@ -25,24 +25,10 @@ _SWEEPS = ((1, "rising", "triangle-up-open"), (-1, "falling", "triangle-down-ope
 
 
 def dots_of(path: str | os.PathLike[str], branches: Sequence[Branch]) -> list[dict[str, Any]]:
-    """Return the measured points of a file as dots on branches in Omega; see `read_measurements`.
+    """Return the measured points of a file as `dots` on branches in Omega, whose scales convert the data.
 
-    Parameters
-    ----------
-    path : path
-        Table of measured points.
-    branches : sequence of Branch
-        Branches whose scales convert the data.
-
-    Returns
-    -------
-    list of dict
-        Groups of dots, see `dots`.
-
-    Raises
-    ------
-    FileNotFoundError, ValueError
-        If the file does not exist, is not a table of measurements, or the branches have no scale for its units.
+    FileNotFoundError or ValueError is raised if the file does not exist, is not a table of measurements (see
+    `read_measurements`), or the branches have no scale for its units.
     """
     if not os.path.exists(path):
         raise FileNotFoundError(f"there is no file '{path}'; give a table of measured points")
@@ -64,28 +50,9 @@ def dots(
 ) -> list[dict[str, Any]]:
     """Return measured points as groups of dots, and measured jumps as vertical lines: one group for each direction.
 
-    Parameters
-    ----------
-    data : Measurements
-        Measured points and jumps.
-    name : str
-        Name of the file.
-    units : mapping of str to float
-        Scales of the model, see `units_of`.
-    amplitude : str
-        Unit of the amplitude axis; "1" or "" if it has no unit.
-    models : sequence of Model, optional
-        Models of the curves.
-
-    Returns
-    -------
-    list of dict
-        Groups of dots, as JSON of the page.
-
-    Raises
-    ------
-    ValueError
-        If the data are transmission errors, and the page has displacements that differ from them.
+    ``units`` are the scales of the model, see `units_of`, ``amplitude`` is the unit of the amplitude axis, "1" or ""
+    without. ValueError is raised if the data are transmission errors, and the page has displacements that differ from
+    them.
     """
     measure = data.measure
     if data.transmission_error and measure == "pp2" and LENGTH in units:
@@ -120,22 +87,9 @@ _DASHES: dict[bool | str | None, str] = {True: "solid", False: "dash", "undecide
 def lines_of_motions(branch: Branch, name: str = "") -> list[dict[str, Any]]:
     """Return the lines of tori, one for each stability, or of a backbone over Omega, for all measures and elements.
 
-    Parameters
-    ----------
-    branch : Branch
-        Branch of `hbgear.analysis.torus`, `two_tones` or `backbone`.
-    name : str, optional
-        Name in the legend; by default the kind of the motions.
-
-    Returns
-    -------
-    list of dict
-        Lines, as JSON of the page: ``sizes`` by measure and element, unknown outside the sections of a line.
-
-    Raises
-    ------
-    ValueError
-        If it has no Omega, or consists of periodic motions.
+    The branch is one of `hbgear.analysis.torus`, `two_tones` or `backbone`; without a name the legend has the kind of
+    its motions. ``sizes`` are given by measure and element, unknown outside the sections of a line. ValueError is
+    raised if it has no Omega, or consists of periodic motions.
     """
     kind = kind_of(branch)
     if kind == "periodic" or (kind == "tori" and branch.parameter != "Omega"):
@@ -160,18 +114,7 @@ def lines_of_motions(branch: Branch, name: str = "") -> list[dict[str, Any]]:
 
 
 def facts_of_motions(branch: Branch) -> list[list[str]]:
-    """Return name and value of the facts on tori or a backbone: kind, range of frequencies, stability, message.
-
-    Parameters
-    ----------
-    branch : Branch
-        Branch of `hbgear.analysis.torus`, `two_tones` or `backbone`.
-
-    Returns
-    -------
-    list of list of str
-        Rows of a table.
-    """
+    """Return name and value of the facts on tori or a backbone: kind, range of frequencies, stability, message."""
     rows = [["motions", _NAMES[kind_of(branch)]], ["points", f"{len(branch)} points, {branch.parameter} from "
              f"{branch.values[0]:.6g} to {branch.values[-1]:.6g}"]]  # fmt: skip
     for name, values in branch.tracked.items():

@@ -38,28 +38,10 @@ _POLICY = "content-security-policy-of-this-page"
 
 
 def page(template: str, data: Any, connect: str = "'none'", **values: Any) -> str:
-    """Return a page made from a template, with a Content-Security-Policy that admits only its own scripts.
+    """Return a page made from a template and data of its scripts; its Content-Security-Policy admits only these.
 
-    Parameters
-    ----------
-    template : str
-        File name of the template.
-    data : object
-        Data of the scripts, serializable as JSON.
-    connect : str, optional
-        Destinations of requests of the scripts, a source list of connect-src; default none.
-    **values : object
-        Variables of the template.
-
-    Returns
-    -------
-    str
-        HTML of the page.
-
-    Raises
-    ------
-    ValueError
-        If Plotly or Jinja is not installed.
+    ``connect`` is the source list of connect-src: destinations of requests. ``values`` are variables of the template.
+    ValueError is raised if Plotly or Jinja is not installed.
     """
     jinja2 = needed("jinja2", "report", "a page")
     loader = jinja2.FileSystemLoader(ASSETS)
@@ -76,20 +58,6 @@ def page(template: str, data: Any, connect: str = "'none'", **values: Any) -> st
 def policy_of(text: str, connect: str) -> str:
     """Return the Content-Security-Policy of a page: its own scripts by their hashes, its style and inline images.
 
-    Parameters
-    ----------
-    text : str
-        HTML of the page.
-    connect : str
-        Source list of connect-src.
-
-    Returns
-    -------
-    str
-        The policy.
-
-    Notes
-    -----
     Plotly adds styles while it draws and exports figures as data and blobs.
     """
     hashes = {sha256(script.encode()).digest() for script in re.findall(r"<script>(.*?)</script>", text, re.DOTALL)}
@@ -99,30 +67,13 @@ def policy_of(text: str, connect: str) -> str:
 
 
 def check_installed() -> None:
-    """Check that the libraries of pages are installed, before any computation.
-
-    Raises
-    ------
-    ValueError
-        If Plotly or Jinja is not installed.
-    """
+    """Raise ValueError if Plotly or Jinja is not installed, before any computation."""
     for library in ("jinja2", "plotly"):
         needed(library, "report", "a page")
 
 
 def in_script(value: Any) -> Any:
-    """Return JSON that cannot end the script element that contains it.
-
-    Parameters
-    ----------
-    value : object
-        Data, serializable as JSON.
-
-    Returns
-    -------
-    Markup
-        Escaped JSON.
-    """
+    """Return data as JSON that cannot end the script element that contains it."""
     from markupsafe import Markup
 
     text = json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":"))
@@ -130,18 +81,7 @@ def in_script(value: Any) -> Any:
 
 
 def asset(name: str) -> Any:
-    """Return a file that is included in a page unchanged.
-
-    Parameters
-    ----------
-    name : str
-        File name in the folder of assets.
-
-    Returns
-    -------
-    Markup
-        Text of the file.
-    """
+    """Return the text of a file in the folder of assets, which is included in a page unchanged."""
     from markupsafe import Markup
 
     return Markup((ASSETS / name).read_text(encoding="utf-8"))
@@ -149,13 +89,7 @@ def asset(name: str) -> Any:
 
 @cache
 def plotly_script() -> Any:
-    """Return the script of Plotly, which its Python package contains.
-
-    Returns
-    -------
-    Markup
-        The script.
-    """
+    """Return the script of Plotly, which its Python package contains."""
     from markupsafe import Markup
 
     return Markup(needed("plotly.offline", "report", "a page").get_plotlyjs())

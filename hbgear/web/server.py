@@ -71,28 +71,10 @@ def _protect(flask: Any, app: Any, token: str, hosts: Callable[[], set[str]]) ->
 
 
 def application(explorer: Explorer, title: str, token: str, hosts: Callable[[], set[str]]) -> Any:
-    """Return the Flask application of an explorer.
+    """Return the Flask application of an explorer; ValueError if Flask is not installed.
 
-    Parameters
-    ----------
-    explorer : Explorer
-        Computations of the pages.
-    title : str
-        Title of the page.
-    token : str
-        Token that each request must contain, as the parameter ``token`` or in the header X-Hbgear-Token.
-    hosts : callable
-        Returns the accepted host names with port.
-
-    Returns
-    -------
-    Flask
-        The application.
-
-    Raises
-    ------
-    ValueError
-        If Flask is not installed.
+    Each request must contain the token, as the parameter ``token`` or in the header X-Hbgear-Token. ``hosts`` returns
+    the accepted host names with port.
     """
     flask = needed("flask", "explore", "the explorer")
     app = flask.Flask("hbgear", static_folder=None)

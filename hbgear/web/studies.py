@@ -27,20 +27,7 @@ _MAX_LISTED_CASES = 500
 
 
 def lines_of(study: Study, name: str) -> list[dict[str, Any]]:
-    """Return curves of a study as thin lines, at most `_MAX_DRAWN_CURVES`, after their legend entry.
-
-    Parameters
-    ----------
-    study : Study
-        Study with curves.
-    name : str
-        Legend entry.
-
-    Returns
-    -------
-    list of dict
-        Lines, as JSON of the page.
-    """
+    """Return curves of a study as thin lines, at most `_MAX_DRAWN_CURVES`, after their legend entry."""
     cases = list(study.curves)
     drawn_cases = [
         cases[i] for i in np.unique(np.linspace(0, len(cases) - 1, min(_MAX_DRAWN_CURVES, len(cases))).astype(int))
@@ -55,20 +42,7 @@ def lines_of(study: Study, name: str) -> list[dict[str, Any]]:
 
 
 def study_section(study: Study, name: str) -> dict[str, Any]:
-    """Return the title, summary and tables of a study.
-
-    Parameters
-    ----------
-    study : Study
-        Study to describe.
-    name : str
-        Title.
-
-    Returns
-    -------
-    dict
-        Texts and tables of the page.
-    """
+    """Return the title, summary and tables of a study."""
     table = study.table
     failed = int(np.sum(table["reason"] != "")) if "reason" in table else 0
     drawn_count = min(_MAX_DRAWN_CURVES, len(study.curves))

@@ -45,26 +45,9 @@ _DRAWN_DIGITS = 7
 
 
 def views(branches: Sequence[Branch], names: Sequence[str], with_tables: bool = True) -> list[dict[str, Any]]:
-    """Return the data of each branch and the other branches of its range; jumps may land on any of them.
+    """Return the data of each branch, with other branches of its range; jumps may land on any of them.
 
-    Parameters
-    ----------
-    branches : sequence of Branch
-        Branches to show.
-    names : sequence of str
-        Name of each branch.
-    with_tables : bool, optional
-        Whether to add the tables; default True.
-
-    Returns
-    -------
-    list of dict
-        Data of the page, see `view` and `tables`.
-
-    Raises
-    ------
-    ValueError
-        If a branch does not consist of periodic motions.
+    See `view` and `tables`. ValueError is raised if a branch does not consist of periodic motions.
     """
     curves, labels = [], []
     for branch, name in zip(branches, names, strict=True):
@@ -81,23 +64,9 @@ def views(branches: Sequence[Branch], names: Sequence[str], with_tables: bool = 
 
 
 def view(branch: Branch, name: str, landed: Sequence[Landing] = (), with_forces: bool = False) -> dict[str, Any]:
-    """Return the drawn data of one branch.
+    """Return the drawn data of one branch with a name and its jumps; the page shows r/min and um if scales are known.
 
-    Parameters
-    ----------
-    branch : Branch
-        Branch to show.
-    name : str
-        Name of the branch.
-    landed : sequence of Landing, optional
-        Jumps of the branch.
-    with_forces : bool, optional
-        Whether to add dynamic factors and forces, whose computation takes time; default False.
-
-    Returns
-    -------
-    dict
-        Data of the page. The page shows speeds in r/min and lengths in um if the scales are known.
+    With ``with_forces`` it has dynamic factors and forces, whose computation takes time.
     """
     layout = layout_of(branch)
     assert layout is not None
@@ -150,22 +119,7 @@ def view(branch: Branch, name: str, landed: Sequence[Landing] = (), with_forces:
 
 
 def tables(branch: Branch, curves: Sequence[Branch], names: Sequence[str]) -> dict[str, Any]:
-    """Return the texts and tables of one branch.
-
-    Parameters
-    ----------
-    branch : Branch
-        Branch to describe.
-    curves : sequence of Branch
-        All branches of the page, on which a jump may land.
-    names : sequence of str
-        Name of each of them.
-
-    Returns
-    -------
-    dict
-        Texts and tables of the page.
-    """
+    """Return the texts and tables of one branch; its jumps may land on any of the curves with their names."""
     others = [(curve, name) for curve, name in zip(curves, names, strict=True) if curve is not branch]
     headers, rows, notes = jump_table(branch, None, 0, [curve for curve, _ in others], [name for _, name in others])
     special_headers, special_rows = special_table(branch)
@@ -180,18 +134,7 @@ def tables(branch: Branch, curves: Sequence[Branch], names: Sequence[str]) -> di
 
 
 def parameter_rows(branch: Branch) -> list[list[str]]:
-    """Return name, value, unit and meaning of the fixed parameters.
-
-    Parameters
-    ----------
-    branch : Branch
-        Branch with the parameters.
-
-    Returns
-    -------
-    list of list of str
-        Rows of a table.
-    """
+    """Return name, value, unit and meaning of the fixed parameters."""
     rows = []
     for name, value in branch.fixed.items():
         label = label_of(branch, name)
@@ -201,51 +144,19 @@ def parameter_rows(branch: Branch) -> list[list[str]]:
 
 
 def plain(values: Any, digits: int = _DRAWN_DIGITS) -> list[float | None]:
-    """Return numbers for JSON, with nan as null.
-
-    Parameters
-    ----------
-    values : array_like
-        Numbers.
-    digits : int, optional
-        Significant digits; default 7.
-
-    Returns
-    -------
-    list of float or None
-        Rounded numbers.
-    """
+    """Return numbers for JSON, rounded to significant digits, with nan as null."""
     return [float(f"{x:.{digits}g}") if math.isfinite(x) else None for x in np.asarray(values, dtype=float).tolist()]
 
 
 def packed(array: Array) -> str:
-    """Return an array in row-major order as little-endian 32-bit numbers in base64.
-
-    Parameters
-    ----------
-    array : ndarray
-        Numbers.
-
-    Returns
-    -------
-    str
-        Text in base64.
-    """
+    """Return an array in row-major order as little-endian 32-bit numbers in base64."""
     return base64.b64encode(np.ascontiguousarray(array, dtype="<f4").tobytes()).decode()
 
 
 def multipliers(branch: Branch) -> dict[str, Any]:
     """Return real and imaginary parts of the multipliers, without those that are zero at all points.
 
-    Parameters
-    ----------
-    branch : Branch
-        Branch with multipliers.
-
-    Returns
-    -------
-    dict
-        Number of multipliers, their parts as `packed` arrays, and the largest modulus at each point.
+    They are `packed` arrays, with the number of multipliers and the largest modulus at each point.
     """
     assert branch.multipliers is not None
     mu = branch.multipliers

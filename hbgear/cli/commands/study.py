@@ -134,19 +134,10 @@ def draw_figures(results: Cases, folder: Path) -> list[Path]:
 def dask_executor(
     address: str | None, ca_file: Path | None = None, cert: Path | None = None, key: Path | None = None
 ) -> Iterator[Executor | None]:
-    """Yield the executor of a running scheduler; None without an address.
+    """Yield the executor of a running scheduler at an address such as tcp://127.0.0.1:8786; None without an address.
 
-    Parameters
-    ----------
-    address : str or None
-        Address such as tcp://127.0.0.1:8786, or tls://... with certificates.
-    ca_file, cert, key : Path, optional
-        Certificate files (.pem); by default those of the Dask configuration.
-
-    Raises
-    ------
-    ValueError
-        If Dask is not installed, no scheduler answers within a few seconds, or the certificates do not fit.
+    The certificate files (.pem) of an address tls://... are by default those of the Dask configuration. ValueError is
+    raised if Dask is not installed, no scheduler answers within a few seconds, or the certificates do not fit.
     """
     if address is None:
         if ca_file or cert or key:
@@ -177,10 +168,7 @@ def dask_executor(
 def _security(address: str, ca_file: Path | None, cert: Path | None, key: Path | None) -> Any:
     """Return the security settings of Dask with the given certificates, by default those of its configuration.
 
-    Raises
-    ------
-    ValueError
-        If the address and the certificates do not go together, or one cannot be read.
+    ValueError is raised if the address and the certificates do not go together, or one cannot be read.
     """
     from distributed.security import Security
 

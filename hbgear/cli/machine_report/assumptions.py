@@ -98,19 +98,9 @@ def factor_and_jumps(
 
 
 def alternatives(model: DrawnPair, by_default: bool = False) -> Iterator[tuple[str, Callable[[], DrawnPair]]]:
-    """Yield each assumption with an alternative value, and a function that returns the model with that value.
+    """Yield each assumption with an alternative value as text, and a function that returns the model with that value.
 
-    Parameters
-    ----------
-    model : DrawnPair
-        Gear pair as computed.
-    by_default : bool, optional
-        Whether its damping ratio is a default value; default False.
-
-    Yields
-    ------
-    tuple of str and callable
-        Text of the assumption and its alternative, and the function.
+    With ``by_default`` the damping ratio of the pair is a default value.
     """
     from hbgear.gears.mesh.iso_dynamics import deviations
     from hbgear.gears.mesh.mesh_models import MESHES
@@ -162,18 +152,9 @@ def _lighter(gear: hb.gears.Gear, factor: float) -> hb.gears.Gear:
 
 
 def show_assumptions(model: DrawnPair, curve: hb.Branch, count: int | str, shown: tuple[float, float] | None) -> None:
-    """Print the table of assumptions of a gear pair and of their effect in a range of speeds.
+    """Print the table of assumptions of a gear pair and of their effect in a range of speeds [r/min].
 
-    Parameters
-    ----------
-    model : DrawnPair
-        Gear pair.
-    curve : Branch
-        Its curve.
-    count : int or str
-        Harmonic truncation order of the other curves.
-    shown : tuple of float or None
-        Range of the speed [r/min] that is reported; None is that of the curve.
+    Without ``shown`` it is that of the curve. ``count`` are the harmonics of the other curves.
     """
 
     def row(assumption: tuple[str, Callable[[], DrawnPair]], stop: Event) -> list[str]:

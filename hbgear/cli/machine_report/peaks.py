@@ -23,22 +23,8 @@ PARABOLAS = 3
 def stable_or_limit(branch: hb.Branch) -> Array:
     """Return whether each point is stable, or a stability limit next to a stable point; True if nothing is known.
 
-    Parameters
-    ----------
-    branch : Branch
-        Branch.
-
-    Returns
-    -------
-    ndarray of bool
-        One entry for each point.
-
-    Examples
-    --------
-    >>> import hbgear as hb
-    >>> curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 3), "Omega", (0.8, 1.6))
-    >>> bool(stable_or_limit(curve)[curve["LP1"].index])
-    True
+    Examples -------- >>> import hbgear as hb >>> curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 3), "Omega", (0.8,
+    1.6)) >>> bool(stable_or_limit(curve)[curve["LP1"].index]) True
     """
     stable = np.ones(len(branch), bool) if branch.stable is None else np.array(branch.stable, bool)
     ends = stable.copy()
@@ -51,25 +37,9 @@ def stable_or_limit(branch: hb.Branch) -> Array:
 def refined_peak(
     branch: hb.Branch, size: Array, i: int, size_of: Callable[[hb.Point], float]
 ) -> tuple[hb.Point, float]:
-    """Return the motion of the largest size near a point of a branch and this size, by successive parabolas.
+    """Return the motion of the largest size near point i of a branch and this size, by successive parabolas.
 
     The point is returned if it is an end of the branch, or if the parameter turns back next to it.
-
-    Parameters
-    ----------
-    branch : Branch
-        Branch with its problem.
-    size : ndarray
-        Size at its points.
-    i : int
-        Number of the point.
-    size_of : callable
-        Size of a motion.
-
-    Returns
-    -------
-    Point and float
-        Motion and its size.
     """
     best, largest = branch[i], float(size[i])
     x, y = branch.values[max(i - 1, 0) : i + 2].copy(), size[max(i - 1, 0) : i + 2].copy()

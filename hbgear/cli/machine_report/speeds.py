@@ -139,25 +139,10 @@ def show_speeds(
     model: hb.mechanics.Model, curve: hb.Branch, dimensionless: bool = False, other_ranges: Ranges | None = None,
     shown: tuple[float, float] | None = None,
 ) -> None:  # fmt: skip
-    """Print resonances, jumps, speed ranges and critical speeds of a machine.
+    """Print resonances, jumps, speed ranges and critical speeds of a machine; ValueError if the model has no scales.
 
-    Parameters
-    ----------
-    model : Model
-        Model with scales.
-    curve : Branch
-        Its curve in Omega.
-    dimensionless : bool, optional
-        Whether Omega is printed as well; default False.
-    other_ranges : list of tuple of float, optional
-        Ranges of the speed [r/min] with other motions that lose the contact of the teeth.
-    shown : tuple of float, optional
-        Range of the speed [r/min] that is reported. Default: that of the curve.
-
-    Raises
-    ------
-    ValueError
-        If the model has no scales.
+    ``other_ranges`` are ranges of the speed [r/min] with other motions that lose the contact of the teeth, ``shown`` is
+    the one that is reported, by default that of the curve. With ``dimensionless`` Omega is printed as well.
     """
     _show_resonances(model, curve, shown)
     _show_jumps(model, curve, dimensionless, shown)
@@ -306,25 +291,8 @@ def recommendation(
 ) -> str:  # fmt: skip
     """Return one sentence on the speeds to avoid and on the change of the design that helps most.
 
-    Parameters
-    ----------
-    model : Model
-        Model with scales.
-    curve : Branch
-        Its curve.
-    measures : sequence of (str, float), optional
-        Changes of the design that a designer can make, with the largest dynamic factor that each gives.
-    reference : float, optional
-        Largest dynamic factor of the design.
-    other_ranges : list of tuple of float, optional
-        Ranges of the speed [r/min] with other motions that lose the contact of the teeth.
-    shown : tuple of float, optional
-        Range of the speed [r/min] that is reported. Default: that of the curve.
-
-    Returns
-    -------
-    str
-        The sentence.
+    ``measures`` are changes that a designer can make, with the largest dynamic factor that each gives, ``reference`` is
+    that of the design. The ranges are those of `show_speeds`.
     """
     lost = merged([*contact_lost(model, curve), *(other_ranges or []), *without_stable_motion(model, curve)])
     avoided = clipped(merged([*lost, *jumps_possible(model, curve, lost)]), shown)

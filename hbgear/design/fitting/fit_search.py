@@ -93,10 +93,7 @@ class FitSearch:
     def run(self, nominal: Array, low: Array, high: Array, starts: int, seed: int) -> int:
         """Minimize from several starts until a result is within the noise, and return the number of starts.
 
-        Raises
-        ------
-        ValueError
-            If the model has no response at any start or the unit of the amplitudes is probably wrong.
+        ValueError is raised if the model has no response at any start or the unit of the amplitudes is probably wrong.
         """
         freedom = max(1, len(self.data) + len(self.data.jumps) - len(nominal))
         for start in self._starts(nominal, low, high, starts, seed):

@@ -42,24 +42,11 @@ def profile_interval(
     best: Prediction, at: Callable[[Array], Prediction | None], x: Array, covariance: Array, unit: float, low: Array,
     high: Array,
 ) -> Array:  # fmt: skip
-    """Return standard errors (A,) for the side with the slower increase of the sum of squares.
+    """Return standard errors (A,) for the side with the slower increase of the sum of squares; nan without a curve.
 
-    An error is nan if no curve can be traced.
-
-    Parameters
-    ----------
-    best : Prediction
-        Prediction with the estimate.
-    at : callable
-        Function that returns the prediction with other values, or None if the model has no response.
-    x : ndarray, shape (A,)
-        Estimate.
-    covariance : ndarray, shape (A, A)
-        First-order covariance; nan where it is not determined.
-    unit : float
-        Increase of the sum of squares for one standard error: 1, or the mean square if no deviations are given.
-    low, high : ndarray, shape (A,)
-        Bounds.
+    x (A,) is the estimate, ``covariance`` (A, A) that of first order, nan where it is not determined. ``at`` returns
+    the prediction with other values, or None if the model has no response. ``unit`` is the increase of the sum of
+    squares for one standard error: 1, or the mean square if no deviations are given.
     """
     s = best.deviation
     J, minimum = best.information(s), float(np.square(best.residuals(s)).sum())

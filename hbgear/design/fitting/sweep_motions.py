@@ -82,23 +82,9 @@ class Reference:
 
 
 class SweepMotions:
-    """Curves of a model with given values of some parameters, and its motions at the measured points.
+    """Curves of a model over a span of Omega with given values of some parameters, and its motions at measured points.
 
-    Parameters
-    ----------
-    problem : HarmonicBalance
-        Problem of the model.
-    data : Measurements
-        The measurements.
-    values : mapping of str to float
-        Values of the parameters to estimate.
-    span : tuple[float, float]
-        Span of Omega of the trace.
-
-    Raises
-    ------
-    NotTraced
-        If no complete curve over the span can be traced.
+    NotTraced is raised if no complete curve over the span can be traced.
     """
 
     def __init__(

@@ -38,21 +38,10 @@ _MAX_GROUP_SECONDS = 1.0
 
 
 def run_case(cls: type[Model] | str, fields: Mapping[str, Any], work: Work) -> Result:
-    """Compute one case, in any process; return its numbers, or the reason of the failure.
+    """Compute one case, in any process; return its numbers and its time, or the reason of the failure.
 
-    Parameters
-    ----------
-    cls : type or str
-        Class of the model, or its reference from `reference_of`.
-    fields : mapping of str to Any
-        Values of the fields of the model, and of parameters that are no fields.
-    work : Work
-        Results to compute.
-
-    Returns
-    -------
-    Result
-        Result with computing time.
+    The class of the model may be a reference from `reference_of`. ``fields`` are the values of its fields, and of
+    parameters that are no fields.
     """
     started = time.perf_counter()
     try:
@@ -116,13 +105,7 @@ def _computed_result(model: Model, work: Work) -> Result:
 
 
 def _traced(problem: HarmonicBalance, work: Work) -> list[Branch]:
-    """Return the curves that cover the span.
-
-    Raises
-    ------
-    ValueError
-        If a curve ended early, or a part of the span has no curve.
-    """
+    """Return the curves that cover the span; ValueError if a curve ended early, or a part of the span has no curve."""
     stability = set(work.compute) != {"peak"}
     branch = trace(problem, "Omega", work.span, stability=stability, special=stability, accuracy=None)
     if not stability and any(curve.asymptotes for curve in branch.curves):
@@ -220,20 +203,7 @@ def check_result(result: Result, work: Work) -> None:
 
 
 def check_work(model: Model, work: Work) -> None:
-    """Raise an error if the span, measure, element or critical parameters are not valid for a model.
-
-    Parameters
-    ----------
-    model : Model
-        Model of the study.
-    work : Work
-        Results to compute.
-
-    Raises
-    ------
-    ValueError, KeyError
-        If a setting is not valid.
-    """
+    """Raise ValueError or KeyError if span, measure, element or critical parameters are not valid for a model."""
     problem = HarmonicBalance(model, work.harmonics)
     problem.check_trace("Omega", min(work.span), max(work.span), {})
     problem.layout.check_measure(work.measure, work.element)

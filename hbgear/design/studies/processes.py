@@ -21,27 +21,8 @@ def executor_of(executor: Executor | None, processes: int | None, count: int) ->
     """Yield the given executor, or a pool of processes that is shut down afterwards.
 
     The pool has one process for each core, and at most one for each case. After an error or Ctrl-C the processes are
-    terminated.
-
-    Parameters
-    ----------
-    executor : Executor or None
-        Executor of the caller; it is not shut down.
-    processes : int or None
-        Number of processes. Default None: the number of cores.
-    count : int
-        Number of cases.
-
-    Yields
-    ------
-    Executor
-        Executor of the cases.
-
-    Raises
-    ------
-    RuntimeError
-        If a script would start processes outside of ``if __name__ == "__main__":``, so that each of them would run the
-        script again.
+    terminated. RuntimeError is raised if a script would start processes outside of ``if __name__ == "__main__":``, so
+    that each of them would run the script again.
     """
     if executor is not None:
         yield executor

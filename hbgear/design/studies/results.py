@@ -43,24 +43,9 @@ class Results:
 
 
 def read_results(path: str | os.PathLike[str]) -> Results:
-    """Read the results of a study.
+    """Read the results of a study from a table of `Cases.export` (.npz), or a folder of ``hbgear study``.
 
-    Parameters
-    ----------
-    path : path-like
-        Table written by `Cases.export` (.npz), or folder of ``hbgear study``.
-
-    Returns
-    -------
-    Results
-        The results.
-
-    Raises
-    ------
-    FileNotFoundError
-        If there is no such file.
-    ValueError
-        If the file is not a table of a study.
+    FileNotFoundError is raised if there is no such file, ValueError if it is not a table of a study.
     """
     file = Path(path) / "table.npz" if Path(path).is_dir() else Path(path)
     need = "give the folder of hbgear study, or a table that Cases.export has written as .npz"

@@ -259,22 +259,8 @@ def _sample(method: str, count: int, seed: int, distributions: Mapping[str, Sequ
 def distribution(given: Sequence[Any]) -> Any:
     """Return the frozen distribution of scipy.stats for a definition such as ``("uniform", 0.04, 0.08)``.
 
-    Parameters
-    ----------
-    given : sequence
-        Name of `DISTRIBUTIONS` and its numbers.
-
-    Returns
-    -------
-    scipy.stats.rv_frozen
-        The distribution.
-
-    Raises
-    ------
-    ValueError
-        If the number of its numbers is wrong, they are not finite or not in order, or its values overflow.
-    KeyError
-        If there is no distribution of this name.
+    KeyError is raised for another name than those of `DISTRIBUTIONS`, ValueError if the number of its numbers is wrong,
+    they are not finite or not in order, or its values overflow.
     """
     from scipy import stats
 

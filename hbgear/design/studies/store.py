@@ -126,10 +126,7 @@ class Store:
     def read(self, key: str) -> Result | None:
         """Return a stored case without its branch, or None if it is not stored. The bytes of the branch are checked.
 
-        Raises
-        ------
-        OSError, ValueError
-            If the file cannot be read or contains another case.
+        OSError or ValueError is raised if the file cannot be read or contains another case.
         """
         path = self.path(key)
         if not path.exists():

@@ -52,24 +52,10 @@ def is_study(path: str | os.PathLike[str]) -> bool:
 
 
 def read_study(path: str | os.PathLike[str], allow_code: bool = False) -> Study:
-    """Read and check a study file.
+    """Read and check a study file; with ``allow_code`` its model may be FILE.py:NAME or MODULE:NAME.
 
-    Parameters
-    ----------
-    path : path-like
-        Path of the file.
-    allow_code : bool, default False
-        True to allow a model FILE.py:NAME or MODULE:NAME, whose code is run.
-
-    Returns
-    -------
-    Study
-        The study.
-
-    Raises
-    ------
-    StudyFileError
-        If the file cannot be read, a key, type or value is not valid, or it names code that is not allowed.
+    StudyFileError is raised if the file cannot be read, a key, type or value is not valid, or it names code that is not
+    allowed.
     """
     text, data = parsed(path, "a study", StudyFileError)
     problems, checked, subject = _checked(data, Path(path).parent, allow_code)

@@ -29,14 +29,9 @@ JUMP_TOLERANCE = 0.02
 
 @dataclass(frozen=True, eq=False)
 class SweepResponses:
-    """Responses of a slow sweep for all cases, shape (cases, Omega).
+    """Responses of a slow sweep for all cases, shape (cases, Omega): amplitudes, nan without a stable motion.
 
-    Attributes
-    ----------
-    amplitude : ndarray
-        Amplitude; nan without a stable motion.
-    jumped : ndarray
-        Number of jumps up to this frequency.
+    ``jumped`` is the number of jumps up to this frequency.
     """
 
     amplitude: Array
@@ -155,12 +150,8 @@ def _stable_count(curve: Array, Omega: Array) -> Array:
 def sweep_responses(found: Cases, Omega: Array, direction: int) -> SweepResponses:
     """Return the response of each case to a slow sweep with Omega rising (+1) or falling (-1).
 
-    Omega (P,) or (cases, P) are ascending values, common to all curves or one row for each.
-
-    Raises
-    ------
-    ValueError
-        If no curve with a stable motion is stored.
+    Omega (P,) or (cases, P) are ascending values, common to all curves or one row for each. ValueError is raised if no
+    curve with a stable motion is stored.
     """
     has_jumps = "jumps" in found.work.compute
     responses = []
@@ -181,21 +172,12 @@ Interpolation = Callable[[Array, Array, Array], Array]
 def sweep_response(
     curve: Array, jumps: Array | None, Omega: Array, direction: int, interpolate: Interpolation = np.interp
 ) -> tuple[Array, Array]:
-    """Return amplitudes and numbers of jumps up to each of the ascending values of Omega.
+    """Return amplitudes and numbers of jumps up to each of the ascending values of Omega, for a direction of the sweep.
 
-    Parameters
-    ----------
-    curve : ndarray, shape (3, P)
-        Omega, amplitude and stability (1 or 0); a column of nan separates curves.
-    jumps : ndarray, shape (J, 3), or None
-        Omega and the amplitudes before and after each jump in this direction. With None, a segment that ends at a
-        frequency of other stable segments is assumed to end in a jump to the nearest one.
-    Omega : ndarray
-        Ascending values.
-    direction : {1, -1}
-        Direction of the sweep.
-    interpolate : callable, optional
-        Interpolation between the points of a segment; linear by default.
+    ``curve`` (3, P) has Omega, amplitude and stability (1 or 0); a column of nan separates curves. ``jumps`` (J, 3) has
+    Omega and the amplitudes before and after each jump in this direction. With None, a segment that ends at a frequency
+    of other stable segments is assumed to end in a jump to the nearest one. ``interpolate`` is used between the points
+    of a segment.
     """
     segments = [(direction * x, y) for x, y in stable_segments(curve)]
     segments = [(x[::direction], y[::direction]) for x, y in segments]

@@ -129,12 +129,8 @@ def archive_of(
 ) -> Iterator[Archive]:
     """Open the archive in a file; ``spare`` and ``times`` as for `Archive`.
 
-    Raises
-    ------
-    OSError
-        If the file cannot be opened.
-    Damaged
-        As for `Archive`, and if the path is not a regular file: pipes and devices need not end.
+    OSError is raised if the file cannot be opened, Damaged as for `Archive`, and if the path is not a regular file:
+    pipes and devices need not end.
     """
     if not Path(path).is_file():
         os.stat(path)  # raises if it is missing

@@ -30,39 +30,21 @@ Form = Callable[[Archive, Any, str], Any]
 
 
 def read(archive: Archive, tree: Any) -> Branch:
-    """Return the branch in the tree of a header.
-
-    Raises
-    ------
-    ValueError
-        If a value in it is invalid; the first one is reported.
-    """
+    """Return the branch in the tree of a header; ValueError reports the first invalid value in it."""
     branch: Branch = _object(Branch)(archive, tree, "branch")
     _check(branch)
     return branch
 
 
 def listed(value: Any, count: int) -> list[Any]:
-    """Return a list with ``count`` entries.
-
-    Raises
-    ------
-    ValueError
-        If it is not such a list.
-    """
+    """Return a list with ``count`` entries; ValueError if the value is not such a list."""
     if not isinstance(value, list) or len(value) != count:
         raise _wrong("motions", value, f"a list of {count}")
     return value
 
 
 def read_motions(archive: Archive, value: Any, branch: Branch) -> FullMotion | None:
-    """Return all coordinates at the points of a branch, as its file stores them.
-
-    Raises
-    ------
-    ValueError
-        If they do not belong to that branch.
-    """
+    """Return all coordinates at the points of a branch from its file; ValueError if they do not belong to it."""
     if value is None:
         return None
     if not isinstance(value, dict) or set(value) != {"names", "rows"} or not isinstance(value["names"], list):

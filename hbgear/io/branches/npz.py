@@ -177,23 +177,7 @@ def load(path: str | os.PathLike[str], problem: Any = None) -> Branch:
 
 
 def read(path: str | os.PathLike[str]) -> Branch:
-    """Read a branch without its problem.
-
-    Parameters
-    ----------
-    path : str or path-like
-        Path of the .npz file.
-
-    Returns
-    -------
-    Branch
-        The saved branch.
-
-    Raises
-    ------
-    FileNotFoundError, ValueError
-        As of `load`.
-    """
+    """Read a branch without its problem from an .npz file; FileNotFoundError or ValueError as of `load`."""
     if not os.path.exists(path):  # Path.exists raises if the name is too long
         raise FileNotFoundError(f"there is no file '{path}'; give the .npz of a saved branch")
     try:
@@ -209,13 +193,7 @@ def read(path: str | os.PathLike[str]) -> Branch:
 
 
 def unpacked(data: bytes, problem: Any = None) -> Branch:
-    """Return the branch of the bytes that `packed` returned.
-
-    Raises
-    ------
-    ValueError
-        If they are damaged.
-    """
+    """Return the branch of the bytes that `packed` returned; ValueError if they are damaged."""
     return _with_problem(_branch_in(Archive(io.BytesIO(data))), lambda _: problem)
 
 

@@ -311,19 +311,8 @@ def _key_path_of_error(message: str, data: Mapping[str, Any]) -> KeyPath:
 def write_machine(machine: Machine, path: str | os.PathLike[str], remarks: tuple[str, ...] = ()) -> None:
     """Write the file of a machine (.toml), completely or not at all, with numbers in full precision.
 
-    Parameters
-    ----------
-    machine : Machine
-        A machine without tables of the mesh, which are separate files.
-    path : str or path-like
-        Path of the file.
-    remarks : tuple of str, optional
-        Comment lines at its start.
-
-    Raises
-    ------
-    ValueError
-        If the machine has tables, or the path does not end in .toml.
+    ``remarks`` are comment lines at its start. ValueError is raised if the machine has tables of the mesh, which are
+    separate files, or the path does not end in .toml.
     """
     checked_suffix(path, (".toml",), "the file of a machine is .toml")
     text = machine_text(machine, remarks)

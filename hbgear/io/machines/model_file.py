@@ -11,23 +11,7 @@ from hbgear.mechanics.models import Model
 
 
 def read_model(path: str | os.PathLike[str]) -> Model:
-    """Read the model of a file of any kind.
-
-    Parameters
-    ----------
-    path : path-like
-        Path of the file.
-
-    Returns
-    -------
-    Model
-        The model.
-
-    Raises
-    ------
-    TomlFileError
-        If the file cannot be read or a value is not valid.
-    """
+    """Read the model of a file of any kind; TomlFileError if the file cannot be read or a value is not valid."""
     if is_train(path):
         return read_train(path)
     return read_structure(path) if is_structure(path) else read_machine(path).model()

@@ -253,13 +253,7 @@ def _along(structure: Matrices | Receptances, vector: dict[str | int, float] | l
 
 
 def _law_entry(name: str) -> Any:
-    """Return the registered law of a name.
-
-    Raises
-    ------
-    ValueError
-        If no law has the name.
-    """
+    """Return the registered law of a name; ValueError for other names."""
     if name in LAWS:
         return LAWS[name]
     laws = [law for law, entry in LAWS.items() if not entry.no_toml]

@@ -32,28 +32,9 @@ class TomlFileError(ValueError):
 
 
 def parsed(path: str | os.PathLike[str], expected: str, error_class: type[TomlFileError]) -> tuple[str, dict[str, Any]]:
-    """Return the text of a file and its TOML content.
+    """Return the text of a file and its TOML content; an error of a class if it cannot be read.
 
-    Parameters
-    ----------
-    path : str or path-like
-        Path of the file.
-    expected : str
-        Expected content, for errors: "a study".
-    error_class : type
-        Class of the error.
-
-    Returns
-    -------
-    text : str
-        Text of the file.
-    data : dict
-        Its content.
-
-    Raises
-    ------
-    TomlFileError
-        Of the given class, if the file cannot be read.
+    ``expected`` is the expected content in the message, such as "a study".
     """
     try:
         text = text_of_file(path, expected)
@@ -89,29 +70,10 @@ def read_checked(
 ) -> Any:
     """Return the object that a file describes.
 
-    Parameters
-    ----------
-    path : str or path-like
-        Path of the file.
-    expected : str
-        Expected content, for errors: "a train".
-    error_class : type
-        Class of the error.
-    schema : pydantic model
-        Keys and types of the file.
-    create : callable
-        ``create(data, folder, problems)`` returns the object of valid data, or appends to the list of problems and
-        returns None. Other files are searched relative to the folder.
-
-    Returns
-    -------
-    object
-        The object.
-
-    Raises
-    ------
-    TomlFileError
-        Of the given class, if the file cannot be read or its content is invalid.
+    ``expected`` is the expected content in messages, such as "a train", ``schema`` the pydantic model with keys and
+    types. ``create(data, folder, problems)`` returns the object of valid data, or appends to the list of problems and
+    returns None. Other files are searched relative to the folder. An error of the class is raised if the file cannot be
+    read or its content is invalid.
     """
     import pydantic
 

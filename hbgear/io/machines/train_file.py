@@ -91,22 +91,10 @@ def is_train(path: str | os.PathLike[str]) -> bool:
 
 
 def read_train(path: str | os.PathLike[str]) -> Train | EpicyclicSet:
-    """Read and check the file of a train or of an epicyclic set.
+    """Read and check the .toml file of a train, or of an epicyclic set if it has a table ``[epicyclic]``.
 
-    Parameters
-    ----------
-    path : str or path-like
-        Path of the .toml file.
-
-    Returns
-    -------
-    Train or EpicyclicSet
-        The train; the set if the file has a table ``[epicyclic]``.
-
-    Raises
-    ------
-    TrainFileError
-        If the file cannot be read, a key, type, unit or value is wrong, or the gears cannot be made or do not mesh.
+    TrainFileError is raised if the file cannot be read, a key, type, unit or value is wrong, or the gears cannot be
+    made or do not mesh.
     """
     train: Train | EpicyclicSet = read_checked(path, "a train", TrainFileError, _schema(), _train)
     return train

@@ -22,10 +22,8 @@ class DamagedFileError(ValueError):
 def read_matrix_market(path: str | os.PathLike[str]) -> Any:
     """Return the matrix in a Matrix Market file.
 
-    Raises
-    ------
-    DamagedFileError
-        If the file has other characters than numbers, or another count of numbers than its size requires.
+    DamagedFileError is raised if the file has other characters than numbers, or another count of numbers than its size
+    requires.
     """
     with open(path, "rb") as handle:
         content = handle.read()

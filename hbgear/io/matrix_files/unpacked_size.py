@@ -27,13 +27,7 @@ class TooMuch(ValueError):
 
 
 def check_mtx(path: str | os.PathLike[str]) -> None:
-    """Refuse a Matrix Market file that declares more rows or entries than its text can hold.
-
-    Raises
-    ------
-    TooMuch
-        If it declares more.
-    """
+    """Raise TooMuch for a Matrix Market file that declares more rows or entries than its text can hold."""
     rows, columns, entries, form, _, symmetry = scipy.io.mminfo(path)
     stored = entries if form == "coordinate" or symmetry == "general" else (rows * (columns - 1)) // 2
     if stored * _MIN_ENTRY_CHARACTERS[form] > os.path.getsize(path) or max(rows, columns) > MAX_MATRIX_ROWS:

@@ -60,28 +60,10 @@ _PAIRS = (("real part", "imaginary part"), ("magnitude", "phase"))
 
 
 def read_response(path: str | os.PathLike[str], quantity: str | None) -> tuple[Array, ComplexArray, str]:
-    """Read a frequency response: frequencies [Hz], complex values in SI, and the quantity.
+    """Read a frequency response: frequencies [Hz] (P,), complex values in SI (P,), and the quantity.
 
-    Parameters
-    ----------
-    path : str or path-like
-        Path of the table.
-    quantity : {"receptance", "mobility", "accelerance"} or None
-        Measured quantity; None takes it from the unit, else "receptance".
-
-    Returns
-    -------
-    f : ndarray, shape (P,)
-        Frequencies [Hz].
-    H : ndarray, shape (P,)
-        Complex frequency response in SI units.
-    quantity : str
-        The quantity.
-
-    Raises
-    ------
-    ValueError
-        If the file is not such a table, or a name or unit of a column is unknown.
+    Without a given quantity it is taken from the unit, else it is "receptance". ValueError is raised if the file is not
+    such a table, or a name or unit of a column is unknown.
     """
     table = read_data_table(path, "a frequency response", KINDS, _DEFAULT)
     columns = table.columns(KINDS)

@@ -73,13 +73,7 @@ class Column:
     stated: bool = True
 
     def number(self, i: int) -> float:
-        """Return the finite number in a cell.
-
-        Raises
-        ------
-        ValueError
-            If the cell is not a finite number; the message states the line.
-        """
+        """Return the finite number in a cell; ValueError, with the line, for other text."""
         value = number_of_cell(self.cells[i])
         if value is None or not np.isfinite(value):
             reason = why_no_number(self.cells[i]) if value is None else "must be a finite number"
@@ -115,40 +109,17 @@ class DataTable:
     rows: tuple[Row, ...]
 
     def column(self, i: int, kind: Kind) -> Column:
-        """Return a column of a given kind.
-
-        Raises
-        ------
-        ValueError
-            If its unit does not belong to that kind, or is missing.
-        """
+        """Return a column of a given kind; ValueError if its unit does not belong to that kind, or is missing."""
         return self._column_in_unit(i, kind, (named(self.headings[i], kind) or (None,))[0])
 
     def columns(
         self, kinds: Sequence[Kind], called: Mapping[str, str] | None = None, assumed: Mapping[str, str] | None = None
     ) -> dict[str, Column]:
-        """Return the columns by role.
+        """Return the columns of accepted kinds by role.
 
-        Parameters
-        ----------
-        kinds : sequence of Kind
-            Accepted kinds.
-        called : dict of str to str, optional
-            Headers of roles with other names; columns without such a header are then omitted.
-        assumed : dict of str to str, optional
-            Units of roles whose header and name give no unit.
-
-        Returns
-        -------
-        dict of str to Column
-            The columns.
-
-        Raises
-        ------
-        KeyError
-            If a header of ``called`` does not exist.
-        ValueError
-            If a column has no kind, two have the same kind, or a unit is not accepted.
+        ``called`` has headers of roles with other names; columns without such a header are then omitted. ``assumed``
+        has units of roles whose header and name give no unit. KeyError is raised if a header of ``called`` does not
+        exist, ValueError if a column has no kind, two have the same kind, or a unit is not accepted.
         """
         columns: dict[str, Column] = {}
         by_role = {kind.role: kind for kind in kinds}
@@ -197,28 +168,10 @@ class DataTable:
 
 
 def read_data_table(path: object, expected: str, kinds: Sequence[Kind], default: Sequence[str] = ()) -> DataTable:
-    """Read the table in a file.
+    """Read the table in a file; ``expected`` is its content in messages, such as "measurements".
 
-    Parameters
-    ----------
-    path : str or path-like
-        Path of the file.
-    expected : str
-        Expected content, for errors: "measurements".
-    kinds : sequence of Kind
-        Accepted kinds of columns.
-    default : sequence of str, optional
-        Headers of a table without a header, which has the first ones; default (), a header is required.
-
-    Returns
-    -------
-    DataTable
-        The table.
-
-    Raises
-    ------
-    ValueError
-        If the file cannot be read, is not a regular file, is too large, or is not such a table.
+    ``default`` are the headers of a table without a header, which has the first ones; by default a header is required.
+    ValueError is raised if the file cannot be read, is not a regular file, is too large, or is not such a table.
     """
     return data_table(bytes_of_file(path, expected), str(path), kinds, default)  # type: ignore[arg-type]
 
