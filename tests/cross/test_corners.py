@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import hbgear as hb
+from hbgear.gears.mesh.mesh_excitation import in_order
 from hbgear.harmonic.equations.thresholds import grazing_distance
 from hbgear.mechanics.series.fourier import harmonics_of, to_complex
 from hbgear.time.integration import state_of
@@ -33,6 +34,8 @@ LAWS = {
         hb.mechanics.PiecewiseLinear((-0.2, 0.4), (1.0, 0.3, 2.0), force_at_zero=0.3, stiffness=SPLINE.varied(0.2)),
         SPLINE.shifted(1.0),
     ),
+    "five times": (hb.Backlash(0.5, stiffness=in_order(RECTANGULAR, 5)), hb.mechanics.Series(cosine=(0.1,))),
+    "three and six times": (hb.Backlash(0.5, stiffness=in_order(RECTANGULAR, 6, 0.7)), in_order(TABLE, 3)),
     "cubic": (hb.Cubic(0.7, 0.3), SPLINE),
     "all at once": (
         hb.mechanics.Parallel(

@@ -11,7 +11,7 @@ from hbgear.harmonic.models.model_registry import rebuild_model
 from hbgear.mechanics.models import describe
 from hbgear.mechanics.series.fourier import Series, evaluate, to_real
 from hbgear.mechanics.series.periodic import described, undescribed
-from hbgear.mechanics.series.piecewise_polynomial import TURN, Pieced
+from hbgear.mechanics.series.piecewise_polynomial import TURN, Pieced, equal_parts
 
 RNG = np.random.default_rng(7)
 PHASE = np.sort(RNG.uniform(0, 1, 9))
@@ -114,6 +114,21 @@ def test_pieces_over_several_periods(f, nu):
         here = (a + b) / 2 + (b - a) / 2 * x
         sums += np.exp(-1j * np.outer(np.arange(20), here)) @ (f(nu * here) * g(nu * here) * w) * (b - a) / 2
     np.testing.assert_allclose(whole, sums, atol=1e-10 * f.bound)
+
+
+@pytest.mark.parametrize("f", FUNCTIONS.values(), ids=FUNCTIONS)
+def test_equal_parts_of_the_period(f):
+    """Two functions that repeat 6 and 4 times repeat together twice; one jump more, and they do not repeat."""
+    theta, pieces = RNG.uniform(0, TURN, 50), f.pieces(6)
+    (divided,), parts = equal_parts([pieces])
+    assert parts == 6 and len(divided.at) % 6 == 0
+    np.testing.assert_allclose(value_of(divided, theta), f(6 * theta), atol=1e-10 * f.bound)
+    both = pieces.times(FUNCTIONS["linear"].pieces(4))
+    assert (
+        equal_parts([both])[1] == equal_parts([pieces.on(both.at), FUNCTIONS["linear"].pieces(4).on(both.at)])[1] == 2
+    )
+    changed = Pieced(pieces.at, pieces.rows * np.where(np.arange(len(pieces.at))[:, None] == 1, 1 + 1e-9, 1.0))
+    assert equal_parts([changed])[1] == 1
 
 
 def test_series_have_the_same_questions():

@@ -23,7 +23,7 @@ from hbgear.mechanics.series.fourier_kernels import coefficient, fill_one_sided
 def extrema(packed: Any, X: Any, clearance: Any, regime: Any) -> None:
     """Fill clearances (P, 2 K) of extrema from breakpoints, and regimes (P, m), see `HarmonicBalance.regime`."""
     laws, m = packed.laws, regime.shape[1]
-    c, samples = np.empty(X.shape[1] // (2 * m) + 1, dtype=np.complex128), np.empty(packed.basis.shape[1])
+    c, motion = np.empty(X.shape[1] // (2 * m) + 1, dtype=np.complex128), np.empty((2, packed.basis.shape[1]))
     regime[:, :] = 0
     low = high = 0.0
     for p in range(X.shape[0]):
@@ -32,9 +32,9 @@ def extrema(packed: Any, X: Any, clearance: Any, regime: Any) -> None:
             j = laws.owner[i]
             if j != previous:
                 previous = j
-                sampled_gap(packed.piecewise, packed.basis, coefficients[laws.element[j]], j, c, samples)
-                low = -highest_gap(packed.piecewise, j, -1.0, c, samples)[0]
-                high = highest_gap(packed.piecewise, j, 1.0, c, samples)[0]
+                sampled_gap(packed.piecewise, packed.basis, coefficients[laws.element[j]], j, c, motion)
+                low = -highest_gap(packed.piecewise, j, -1.0, c, motion)[0]
+                high = highest_gap(packed.piecewise, j, 1.0, c, motion)[0]
             clearance[p, 2 * i], clearance[p, 2 * i + 1] = low - laws.level[i], high - laws.level[i]
             if low < laws.level[i] < high and regime[p, laws.element[j]] < 2:
                 regime[p, laws.element[j]] += 1

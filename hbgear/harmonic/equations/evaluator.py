@@ -329,9 +329,9 @@ class Evaluator:
         """Return the largest value of ``side`` times displacement j, of an element with this motion, and its phase."""
         from hbgear.harmonic.forces.piecewise_kernels import highest_gap, sampled_gap
 
-        c, samples = np.empty(len(row) // 2 + 1, dtype=complex), np.empty(self.N)
-        sampled_gap(self.packed.piecewise, self.packed.basis, writable(row), j, c, samples)
-        value, theta = highest_gap(self.packed.piecewise, j, side, c, samples)
+        c, motion = np.empty(len(row) // 2 + 1, dtype=complex), np.empty((2, self.N))
+        sampled_gap(self.packed.piecewise, self.packed.basis, writable(row), j, c, motion)
+        value, theta = highest_gap(self.packed.piecewise, j, side, c, motion)
         return float(value), float(theta)
 
     def extrema_and_regime(self, X: Array) -> tuple[Array, np.ndarray]:

@@ -245,11 +245,11 @@ def _fixed_parameter(row: Any) -> float:
 @inlined
 def _clearance(packed: Any, index: int, workspace: Any, row: Any) -> float:
     """Return a clearance of the motion in ``workspace.coefficients``, see `spread`; fill row (n + 1,): gradient."""
-    orders, c, samples = packed.linear.orders, workspace.space.waves, workspace.space.samples
+    orders, c, motion = packed.linear.orders, workspace.space.waves, workspace.space.motion
     breakpoint_, side = index // 2, 1.0 if index % 2 else -1.0
     j = packed.laws.owner[breakpoint_]
-    sampled_gap(packed.piecewise, packed.basis, workspace.coefficients[packed.laws.element[j]], j, c, samples)
-    value, theta = highest_gap(packed.piecewise, j, side, c, samples)
+    sampled_gap(packed.piecewise, packed.basis, workspace.coefficients[packed.laws.element[j]], j, c, motion)
+    value, theta = highest_gap(packed.piecewise, j, side, c, motion)
     for i in range(row.shape[0]):
         row[i] = 0.0
     mean_index = packed.laws.element[j] * (2 * orders.shape[0] - 1)

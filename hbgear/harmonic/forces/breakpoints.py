@@ -22,7 +22,7 @@ from hbgear.mechanics.laws.laws import Law
 from hbgear.mechanics.laws.mesh_contacts import contacts_of
 from hbgear.mechanics.series.fourier import derive, evaluate, samples_of, stretch, to_complex, to_real
 from hbgear.mechanics.series.periodic import Periodic, Phased, pieces_of
-from hbgear.mechanics.series.piecewise_polynomial import ONE, TURN, Pieced
+from hbgear.mechanics.series.piecewise_polynomial import ONE, TURN, Pieced, equal_parts
 from hbgear.mechanics.structures.elements import Element
 
 
@@ -53,8 +53,14 @@ class PiecewiseExcitation(NamedTuple):
         has breakpoints. If the spring has a Fourier series as well, its stiffness is the product of both.
     spring_starts, stiffness : ndarray, shapes (U,) and (U, 4)
         Beginning [rad] and coefficients of each segment of k.
-    integrals : ndarray, shape (U + S, 2, L)
-        Integrals of k and k w times exp(-i n theta), from 0 to the beginning of each segment, and over the period.
+    repeats : ndarray, shape (S,)
+        Number of equal parts of the period on which k and k w of each spring are the same: the tooth number of a mesh
+        whose wheel turns once in the period.
+    integral_offsets : ndarray, shape (S + 1,)
+        Index of the first row of ``integrals`` of each spring, as in ``gap_offsets``.
+    integrals : ndarray, shape (V, 2, L)
+        Integrals of k and k w times exp(-i n theta) over the first of the equal parts: from 0 to the beginning of each
+        of its segments, and to its end.
     gap_force : ndarray, shape (U, 7)
         Coefficients of each segment of k w.
     gap_powers : ndarray, shape (m, 3, L)
@@ -75,6 +81,8 @@ class PiecewiseExcitation(NamedTuple):
     spring_offsets: np.ndarray
     spring_starts: Array
     stiffness: Array
+    repeats: np.ndarray
+    integral_offsets: np.ndarray
     integrals: ComplexArray
     gap_force: Array
     gap_powers: ComplexArray
@@ -131,16 +139,15 @@ def _with_breakpoints(
     orders: tuple[int, ...], truncated_orders: tuple[int, ...],
 ) -> PiecewiseExcitation:  # fmt: skip
     """Return `piecewise_excitation` of prescribed displacements, springs, levels and cubic coefficients (m, 2)."""
-    m, S = len(e), len(springs)
+    m = len(e)
     gaps = [_segments_of(function, nu).scaled(-1.0) if function.corners else None for function in e]
     retained, truncated = _harmonics_with_breakpoints(
         e, H, nu, np.array(orders, dtype=int), np.array(truncated_orders, dtype=int)
     )
     highest = max([0, *(spring.law.stiffness.order for spring in springs)]) * nu
-    length = 8 * H + highest + 1
-    spring_tables = _spring_tables(springs, levels, e, nu, length)
+    spring_tables = _spring_tables(springs, levels, e, nu, 3 * H + highest + 1)  # force harmonics up to 3H
     tables = [table for table in spring_tables if table]
-    counts = [len(table[0].at) if table else 0 for table in spring_tables]
+    moments = [table.integrals for table in tables]
     level_tables = [
         _level_table(
             e[moving.element],
@@ -164,12 +171,14 @@ def _with_breakpoints(
         ),
         retained=np.ascontiguousarray(retained[:, [*range(m), *(moving.element for moving in levels)]]),
         truncated=truncated,
-        spring_offsets=_first_indices(counts),
-        spring_starts=np.concatenate([np.empty(0), *(k.at for k, *_ in tables)]),
-        stiffness=_stack_padded([k.rows for k, *_ in tables], 4),
-        integrals=_concatenate_integrals([moments for *_, moments in tables], counts, S, length),
-        gap_force=_stack_padded([kw.rows for _, kw, _ in tables], 7),
-        gap_powers=_powers(gaps, np.array(cubic), length),
+        spring_offsets=_first_indices([len(table.k.at) if table else 0 for table in spring_tables]),
+        spring_starts=np.concatenate([np.empty(0), *(table.k.at for table in tables)]),
+        stiffness=_stack_padded([table.k.rows for table in tables], 4),
+        repeats=np.array([table.repeats if table else 1 for table in spring_tables], dtype=np.int64),
+        integral_offsets=_first_indices([len(table.integrals) if table else 0 for table in spring_tables]),
+        integrals=np.concatenate(moments) if moments else np.zeros((0, 2, 0), dtype=complex),
+        gap_force=_stack_padded([table.kw.rows for table in tables], 7),
+        gap_powers=_powers(gaps, np.array(cubic), 4 * H + 1),
         grid=_grid(e, retained, nu, N),
     )
 
@@ -190,12 +199,12 @@ def _harmonics_with_breakpoints(
 
 def _spring_tables(
     springs: Sequence[PackedSpring], levels: Sequence[MovingLevel], e: Sequence[Phased], nu: int, length: int
-) -> list[tuple[Pieced, Pieced, ComplexArray] | None]:
-    """Return `_stiffness_segments` of each spring; None for a spring without breakpoints in the phase."""
+) -> list[_SpringTable | None]:
+    """Return `_spring_table` of each spring; None for a spring without breakpoints in the phase."""
     m = len(e)
     level_of = [None] * m + [moving.level for moving in levels]
     return [
-        _stiffness_segments(
+        _spring_table(
             spring.law.stiffness, e[spring.element], cast(Phased | None, level_of[spring.displacement]), nu, length
         )
         if spring.law.stiffness.corners or e[spring.element].corners or spring.displacement >= m else None
@@ -264,7 +273,8 @@ def _without_breakpoints(m: int, S: int, H: int, truncated_count: int) -> Piecew
     return PiecewiseExcitation(
         empty, _first_indices([0] * m), empty, np.empty((0, 4)), np.empty(0, dtype=bool), np.empty(0, dtype=bool),
         np.tile([-np.inf, np.inf], (m, 1)), np.zeros((H + 1, m), dtype=complex),
-        np.zeros((truncated_count, m), dtype=complex), _first_indices([0] * S), empty, np.empty((0, 4)), integrals,
+        np.zeros((truncated_count, m), dtype=complex), _first_indices([0] * S), empty, np.empty((0, 4)),
+        np.ones(S, dtype=np.int64), _first_indices([0] * S), integrals,
         np.empty((0, 7)),
         np.zeros((m, 3, 0), dtype=complex), np.zeros((2, m, 0)),
     )  # fmt: skip
@@ -340,26 +350,33 @@ def _segments_of(function: Phased, nu: int) -> Pieced:
     return function.pieces(nu) if isinstance(function, Periodic) else ONE
 
 
+class _SpringTable(NamedTuple):
+    """Stiffness k and product k w of a spring on common segments, see `PiecewiseExcitation`."""
+
+    k: Pieced
+    kw: Pieced
+    repeats: int
+    integrals: ComplexArray
+
+
 @lru_cache(maxsize=128)
-def _stiffness_segments(
+def _spring_table(
     stiffness: Phased, displacement: Phased, level: Phased | None, nu: int, length: int
-) -> tuple[Pieced, Pieced, ComplexArray]:
-    """Return k and k w on common segments, and their integrals (T + 1, 2, length); w is 0 without breakpoints."""
+) -> _SpringTable:  # fmt: skip
+    """Return the table of a spring with integrals up to order ``length`` - 1; w is 0 without breakpoints."""
+    from hbgear.harmonic.forces.piecewise_kernels import integrals
+
     k = _segments_of(stiffness, nu)
     w = _segments_of(displacement, nu).scaled(-1.0 if displacement.corners else 0.0)
     if level is not None:
         w = w.plus(pieces_of(level, nu).scaled(-1.0))
     kw = k.times(w)
-    if level is None:
-        k = k.on(kw.at)
-        return k, kw, np.stack([k.integrals(length), kw.integrals(length)], axis=1)
-    from hbgear.harmonic.forces.piecewise_kernels import integrals
-
-    k = Pieced(kw.at, k.rows_at(kw.at))
-    moments = np.zeros((len(k.at) + 1, 2, length), dtype=complex)
+    (k, kw), repeats = equal_parts([Pieced(kw.at, k.rows_at(kw.at)), kw])
+    segments = len(k.at) // repeats
+    moments = np.zeros((segments + 1, 2, length), dtype=complex)
     for i, function in enumerate((k, kw)):
-        integrals(function.at, function.rows, moments[:, i])
-    return k, kw, moments
+        integrals(function.at[:segments], function.rows[:segments], TURN / repeats, moments[:, i])
+    return _SpringTable(k, kw, repeats, moments)
 
 
 def _first_indices(count: Sequence[int]) -> np.ndarray:
@@ -371,14 +388,3 @@ def _stack_padded(rows: Sequence[Array], width: int) -> Array:
     """Return the coefficients of all segments, padded by zeros to the same number."""
     padded = [np.pad(coefficients, ((0, 0), (0, width - coefficients.shape[1]))) for coefficients in rows]
     return np.concatenate([np.empty((0, width)), *padded])
-
-
-def _concatenate_integrals(sums: Sequence[ComplexArray], count: Sequence[int], S: int, length: int) -> ComplexArray:
-    """Return the integrals of all springs in one array, with one row of zeros for each spring without segments."""
-    out = np.zeros((sum(count) + S if sums else 0, 2, length if sums else 0), dtype=complex)
-    rows, first = iter(sums), 0
-    for n in count if sums else ():
-        if n:
-            out[first : first + n + 1] = next(rows)
-        first += n + 1
-    return out

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from hbgear.common.process.compiling import kernel
+from hbgear.common.process.compiling import inlined, kernel
 from hbgear.harmonic.forces.switching_times import (
     CELL_PARTS,
     PHASE_TOLERANCE,
@@ -66,59 +66,57 @@ def sizes_of(piecewise: Any) -> tuple[int, int, int]:
 
 
 @kernel
-def sampled_gap(piecewise: Any, basis: Any, coefficients: Any, j: int, c: Any, samples: Any) -> None:
-    """Call `fill_gap`, and store the samples (N,) of the gap if it has no segments."""
+def sampled_gap(piecewise: Any, basis: Any, coefficients: Any, j: int, c: Any, motion: Any) -> float:
+    """Call `fill_gap`, and store N samples of the motion in the first row of ``motion`` (2, N).
+
+    If the gap has segments, the second row receives its slopes, and a bound of |x - mean(x)| is returned.
+    """
     fill_gap(piecewise, coefficients, j, c)
     if not has_segments(piecewise, j):
-        sampled(coefficients, basis, samples)
-
-
-@kernel
-def highest_gap(piecewise: Any, j: int, side: float, c: Any, samples: Any) -> tuple[float, float]:
-    """Return the largest value of side times the gap of displacement j, side +1 or -1, and its phase.
-
-    c, samples : results of `sampled_gap`.
-    """
-    if piecewise is not None:
-        first, last = piecewise.gap_offsets[j], piecewise.gap_offsets[j + 1]
-        if first < last:
-            return highest_on(
-                c, piecewise.gap_starts, piecewise.coefficients, piecewise.has_jump, first, last, samples.shape[0], side
-            )
-    return highest(c, samples, side)
-
-
-@kernel
-def crossings_of(piecewise: Any, j: int, level: float, c: Any, samples: Any, theta: Any, sign: Any) -> tuple[int, bool]:
-    """Compute the `crossings` of a level by the gap of displacement j.
-
-    Return their number, and whether the gap is above the level at phase 0. c, samples : results of `sampled_gap`.
-    """
-    if piecewise is not None:
-        first, last = piecewise.gap_offsets[j], piecewise.gap_offsets[j + 1]
-        if first < last:
-            return crossings_on(
-                c, level, piecewise.gap_starts, piecewise.coefficients, first, last, samples.shape[0], theta, sign
-            )
-    return crossings(c, level, samples, theta, sign), samples[0] > level
-
-
-@kernel
-def fill_motion(c: Any, motion: Any) -> float:
-    """Store values and slopes of a motion at N samples in ``motion`` (2, N), and return a bound of |x - mean(x)|."""
-    N, bound = motion.shape[1], 0.0
-    for n in range(N):
-        motion[0, n], motion[1, n], _ = value_of(c, 0.0, 2 * math.pi * n / N)
+        sampled(coefficients, basis, motion[0])
+        return 0.0
+    bound = 0.0
+    for n in range(motion.shape[1]):
+        motion[0, n], motion[1, n] = c[0].real, 0.0
     for k in range(1, c.shape[0]):
-        bound += abs(c[k])
+        a, b = c[k].real, -c[k].imag
+        if a != 0.0 or b != 0.0:
+            bound += abs(c[k])
+            for n in range(motion.shape[1]):
+                motion[0, n] += a * basis[2 * k - 1, n] + b * basis[2 * k, n]
+                motion[1, n] += k * (b * basis[2 * k - 1, n] - a * basis[2 * k, n])
     return bound
 
 
 @kernel
-def crossings_of_moving(
-    piecewise: Any, j: int, c: Any, bound: float, motion: Any, theta: Any, sign: Any
+def highest_gap(piecewise: Any, j: int, side: float, c: Any, motion: Any) -> tuple[float, float]:
+    """Return the largest value of side times the gap of displacement j, side +1 or -1, and its phase.
+
+    c, motion : results of `sampled_gap`.
+    """
+    if has_segments(piecewise, j):
+        return _highest_on(piecewise, j, side, c, motion)
+    return highest(c, motion[0], side)
+
+
+@kernel
+def crossings_of(
+    piecewise: Any, j: int, level: float, c: Any, bound: float, motion: Any, theta: Any, sign: Any
 ) -> tuple[int, bool]:
-    """Compute the crossings of a moving level: the zeros of x, a displacement minus its level.
+    """Compute the `crossings` of a level by the gap of displacement j.
+
+    Return their number, and whether the gap is above the level at phase 0. c, bound, motion : results of `sampled_gap`.
+    """
+    if has_segments(piecewise, j):
+        return _crossings_on(piecewise, j, level, c, bound, motion, theta, sign)
+    return crossings(c, level, motion[0], theta, sign), motion[0, 0] > level
+
+
+@kernel
+def _crossings_on(
+    piecewise: Any, j: int, level: float, c: Any, bound: float, motion: Any, theta: Any, sign: Any
+) -> tuple[int, bool]:
+    """Compute the crossings of a level by a gap with segments: the zeros of x = t + w - level.
 
     A jump of x that changes its sign is a crossing. On an idle segment all springs have zero stiffness, and only the
     values of x at both ends are compared; a change of sign is then a crossing at the beginning of the segment.
@@ -129,12 +127,14 @@ def crossings_of_moving(
         Segments of the displacements.
     j : int
         Index of the displacement.
+    level : float
+        Level to be crossed; 0 if w is relative to a moving level.
     c : ndarray, shape (H + 1,)
-        One-sided coefficients of the motion, see `fill_gap`.
+        One-sided coefficients of t, see `fill_gap`.
     bound : float
-        Result of `fill_motion`.
+        Bound of |t - mean(t)|.
     motion : ndarray, shape (2, N)
-        Values and slopes of the motion, see `fill_motion`. Its samples and the breakpoints separate the cells.
+        Values and slopes of t, see `sampled_gap`. Its samples and the breakpoints separate the cells.
     theta : ndarray
         Array to be filled with the phases [rad] of the crossings, ascending.
     sign : ndarray
@@ -149,58 +149,59 @@ def crossings_of_moving(
     """
     if piecewise is None:
         return 0, False
-    mean = c[0].real
+    mean = c[0].real - level
     if mean - bound + piecewise.bounds[j, 0] > 0.0:
         return 0, True
     if mean + bound + piecewise.bounds[j, 1] < 0.0:
         return 0, False
-    first, last, starts, coefficients, N = (
-        piecewise.gap_offsets[j],
-        piecewise.gap_offsets[j + 1],
-        piecewise.gap_starts,
-        piecewise.coefficients,
-        motion.shape[1],
-    )
+    first, last = piecewise.gap_offsets[j], piecewise.gap_offsets[j + 1]
+    starts, coefficients = piecewise.gap_starts, piecewise.coefficients
     count: Any = np.int64(0)  # a literal would compile each called kernel a second time
-    step, rounding = 2 * math.pi / N, VALUE_ROUNDING * size_of(c)
-    before, slope, _ = value_on(c, 0.0, coefficients[first], starts[first], 0.0)
-    above = before > 0.0
+    rounding = VALUE_ROUNDING * (size_of(c) + abs(level))
+    before, slope, _ = value_on(c, level, coefficients[first], starts[first], 0.0)
+    start = before
     for i in range(first, last):
         end = starts[i + 1] if i + 1 < last else 2 * math.pi
         if i > first:
-            value, slope, _ = value_on(c, 0.0, coefficients[i], starts[i], starts[i])
+            value, slope, _ = value_on(c, level, coefficients[i], starts[i], starts[i])
             if piecewise.has_jump[i]:
                 count = _add_jump(before, value, starts[i], theta, sign, count)
                 before = value
         if piecewise.inactive[i]:
-            value = value_on(c, 0.0, coefficients[i], starts[i], end)[0]
+            value = value_on(c, level, coefficients[i], starts[i], end)[0]
             count = _add_jump(before, value, starts[i], theta, sign, count)
             before = value
             continue
-        a, n = starts[i], int(starts[i] / step) + 1
+        a = starts[i]
         while a < end:
-            b = step * n
-            if b < end - 1e-9 * step and n < N:
-                y = b - starts[i]
-                after = (
-                    motion[0, n]
-                    + coefficients[i, 0]
-                    + y * (coefficients[i, 1] + y * (coefficients[i, 2] + y * coefficients[i, 3]))
-                )
-                slope_after = (
-                    motion[1, n] + coefficients[i, 1] + y * (2.0 * coefficients[i, 2] + 3.0 * y * coefficients[i, 3])
-                )
-            else:
-                b = end
-                after, slope_after, _ = value_on(c, 0.0, coefficients[i], starts[i], end)
+            b, after, slope_after = _cell_end(c, level, motion, coefficients[i], starts[i], a, end)
             after = off_level(after, before, rounding)
+            if b == end and i + 1 == last and not piecewise.has_jump[first]:
+                after = start  # the phases 0 and 2 pi have the same value
             count = _add_crossings_in_cell(
-                c, 0.0, rounding, coefficients[i], starts[i], a, before, slope, b, after, slope_after, theta, sign,
+                c, level, rounding, coefficients[i], starts[i], a, before, slope, b, after, slope_after, theta, sign,
                 count,
             )  # fmt: skip
             a, before, slope = b, after, slope_after
-            n += 1
-    return count, above
+    return count, start > 0.0
+
+
+@kernel
+def _cell_end(
+    c: Any, level: float, motion: Any, coefficients: Any, start: float, a: float, end: float
+) -> tuple[float, float, float]:
+    """Return the next sample of the motion after a, or the end of the segment, with the value and slope of x there."""
+    N = motion.shape[1]
+    step = 2 * math.pi / N
+    n = int(a / step * (1.0 + 1e-14)) + 1
+    b = step * n
+    if n >= N or b >= end - 1e-9 * step:
+        value, slope, _ = value_on(c, level, coefficients, start, end)
+        return end, value, slope
+    y = b - start
+    value = motion[0, n] - level + polynomial(coefficients, y)
+    slope = motion[1, n] + coefficients[1] + y * (2.0 * coefficients[2] + 3.0 * y * coefficients[3])
+    return b, value, slope
 
 
 @kernel
@@ -243,59 +244,6 @@ def value_on(c: Any, level: float, coefficients: Any, start: float, theta: float
     slope += coefficients[1] + y * (2.0 * coefficients[2] + 3.0 * y * coefficients[3])
     curve += 2.0 * coefficients[2] + 6.0 * y * coefficients[3]
     return value, slope, curve
-
-
-@kernel
-def crossings_on(
-    c: Any, level: float, starts: Any, coefficients: Any, first: int, last: int, N: int, theta: Any, sign: Any
-) -> tuple[int, bool]:
-    """Compute the crossings of a level by a gap with segments.
-
-    Parameters
-    ----------
-    c : ndarray, shape (H + 1,)
-        One-sided coefficients of the gap, see `fill_gap`.
-    level : float
-        Level to be crossed.
-    starts : ndarray, shape (T,)
-        Beginnings of all segments.
-    coefficients : ndarray, shape (T, 4)
-        Coefficients of all segments.
-    first, last : int
-        Segments of the gap: first, ..., last - 1.
-    N : int
-        Smallest number of cells of the period; each cell is at most 2 pi / N long.
-    theta : ndarray
-        Array to be filled with the phases [rad] of the crossings, ascending.
-    sign : ndarray
-        Array to be filled with +1 for each upward and -1 for each downward crossing.
-
-    Returns
-    -------
-    count : int
-        Number of crossings.
-    above : bool
-        Whether the gap is above the level at phase 0.
-    """
-    count: Any = np.int64(0)  # a literal would compile each called kernel a second time
-    rounding = VALUE_ROUNDING * (size_of(c) + abs(level))
-    before = start = value_on(c, level, coefficients[first], starts[first], 0.0)[0]
-    for i in range(first, last):
-        end = starts[i + 1] if i + 1 < last else 2 * math.pi
-        cells = max(1, math.ceil((end - starts[i]) * N / (2 * math.pi)))
-        a, slope = starts[i], value_on(c, level, coefficients[i], starts[i], starts[i])[1]
-        for n in range(1, cells + 1):
-            b = end if n == cells else starts[i] + (end - starts[i]) * n / cells
-            after, slope_after, _ = value_on(c, level, coefficients[i], starts[i], b)
-            after = off_level(after, before, rounding)
-            if n == cells and i + 1 == last:
-                after = start  # the phases 0 and 2 pi have the same value
-            count = _add_crossings_in_cell(
-                c, level, rounding, coefficients[i], starts[i], a, before, slope, b, after, slope_after, theta, sign,
-                count,
-            )  # fmt: skip
-            a, before, slope = b, after, slope_after
-    return count, start > 0.0
 
 
 @kernel
@@ -380,32 +328,31 @@ def _extremum(c: Any, level: float, coefficients: Any, start: float, low: float,
 
 
 @kernel
-def highest_on(
-    c: Any, starts: Any, coefficients: Any, has_jump: Any, first: int, last: int, N: int, side: float
-) -> tuple[float, float]:
-    """Return the largest value of side x, side +1 or -1, and its phase.
+def _highest_on(piecewise: Any, j: int, side: float, c: Any, motion: Any) -> tuple[float, float]:
+    """Return `highest_gap` of a gap with segments.
 
-    The values at the ends of all cells, on both sides of jumps, and at maxima inside are compared. The arguments are
-    those of `crossings_on`, and has_jump (T,) : whether x jumps at the beginning of a segment.
+    The values at the ends of all cells, on both sides of jumps, and at maxima inside are compared.
     """
+    if piecewise is None:
+        return 0.0, 0.0
+    first, last = piecewise.gap_offsets[j], piecewise.gap_offsets[j + 1]
+    starts, coefficients = piecewise.gap_starts, piecewise.coefficients
     largest, phase = -math.inf, 0.0
     for i in range(first, last):
         end = starts[i + 1] if i + 1 < last else 2 * math.pi
-        cells = max(1, math.ceil((end - starts[i]) * N / (2 * math.pi)))
         a = starts[i]
         value, slope, _ = value_on(c, 0.0, coefficients[i], starts[i], a)
-        for n in range(1, cells + 1):
+        while a < end:
             if side * value > largest:
                 largest, phase = side * value, a
-            b = end if n == cells else starts[i] + (end - starts[i]) * n / cells
-            after, slope_after, _ = value_on(c, 0.0, coefficients[i], starts[i], b)
+            b, after, slope_after = _cell_end(c, 0.0, motion, coefficients[i], starts[i], a, end)
             if side * slope > 0.0 and side * slope_after < 0.0:
                 peak = _extremum(c, 0.0, coefficients[i], starts[i], a, b, side)
                 height = side * value_on(c, 0.0, coefficients[i], starts[i], peak)[0]
                 if height > largest:
                     largest, phase = height, peak
             a, value, slope = b, after, slope_after
-        if has_jump[i + 1 if i + 1 < last else first] and side * value > largest:
+        if piecewise.has_jump[i + 1 if i + 1 < last else first] and side * value > largest:
             largest, phase = side * value, end
     return largest, phase
 
@@ -450,16 +397,21 @@ def spans(
     if first == last:
         return False
     sums, length = piecewise.integrals, min(A.shape[0], piecewise.integrals.shape[2])
+    row, repeats = piecewise.integral_offsets[spring], piecewise.repeats[spring]
+    segments = (last - first) // repeats
+    part_row = row + segments
     for n in range(A.shape[0]):
         A[n] = B[n] = 0j
     if above:
-        for n in range(length):
-            A[n], B[n] = sums[last + spring, 0, n], sums[last + spring, 1, n]
+        for n in range(0, length, repeats):
+            A[n], B[n] = repeats * sums[part_row, 0, n], repeats * sums[part_row, 1, n]
     for j in range(count):
         i = segment_of(piecewise.spring_starts, first, last, theta[j])
+        part, segment = (i - first) // segments, (i - first) % segments
         for n in range(length):
-            A[n] -= sign[j] * sums[i + spring, 0, n]
-            B[n] -= sign[j] * sums[i + spring, 1, n]
+            turned, before = _part_factors(n, part, repeats)
+            A[n] -= sign[j] * (turned * sums[row + segment, 0, n] + before * sums[part_row, 0, n])
+            B[n] -= sign[j] * (turned * sums[row + segment, 1, n] + before * sums[part_row, 1, n])
         _add_moments(
             piecewise.stiffness[i], piecewise.spring_starts[i], theta[j] - piecewise.spring_starts[i], -sign[j], A, ends
         )
@@ -470,6 +422,23 @@ def spans(
         A[n] /= 2 * math.pi
         B[n] /= 2 * math.pi
     return True
+
+
+@inlined
+def _part_factors(n: int, part: int, repeats: int) -> tuple[complex, complex]:
+    """Return the factors of the integrals G_n of a function that repeats in the period, for parts before a phase.
+
+    With the width w = 2 pi / repeats of a part, int_0^(part w + x) f exp(-i n y) dy = exp(-i n part w) G_n(x) +
+    sum_{r < part} exp(-i n r w) G_n(w).
+    """
+    if part == 0:
+        return 1.0 + 0j, 0j
+    if n % repeats == 0:
+        return 1.0 + 0j, complex(part, 0.0)
+    angle = 2 * math.pi * (((n % repeats) * part) % repeats) / repeats
+    step = 2 * math.pi * (n % repeats) / repeats
+    turned = complex(math.cos(angle), -math.sin(angle))
+    return turned, (1.0 - turned) / (1.0 - complex(math.cos(step), -math.sin(step)))
 
 
 @kernel
@@ -535,15 +504,15 @@ def fill_phases(piecewise: Any, out: Any) -> int:
 
 
 @kernel
-def integrals(starts: Any, coefficients: Any, out: Any) -> None:
-    """Store int_0^theta f exp(-i n x) dx at the beginning of each segment and at 2 pi in ``out`` (T + 1, L).
+def integrals(starts: Any, coefficients: Any, end: float, out: Any) -> None:
+    """Store int_0^theta f exp(-i n x) dx at the beginning of each segment and at ``end`` in ``out`` (T + 1, L).
 
     f is the piecewise polynomial with the beginnings starts (T,) and the coefficients (T, Q) of its segments.
     """
     ends = np.empty((2, coefficients.shape[1]))
     out[0] = 0j
     for i in range(starts.shape[0]):
-        width = (starts[i + 1] if i + 1 < starts.shape[0] else 2 * math.pi) - starts[i]
+        width = (starts[i + 1] if i + 1 < starts.shape[0] else end) - starts[i]
         out[i + 1] = out[i]
         _add_moments(coefficients[i], starts[i], width, 1.0, out[i + 1], ends)
 

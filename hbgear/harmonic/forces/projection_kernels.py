@@ -37,9 +37,7 @@ from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.process.compiling import inlined, kernel
 from hbgear.harmonic.forces.piecewise_kernels import (
     crossings_of,
-    crossings_of_moving,
     fill_gap,
-    fill_motion,
     has_segments,
     sampled_gap,
     sizes_of,
@@ -69,10 +67,8 @@ class ProjectionWorkspace(NamedTuple):
         Whether the motion is above each breakpoint at phase 0.
     kappa, chi, extra : ndarray, shape (m, order + 1)
         Coefficients of each element, see `project`.
-    samples : ndarray, shape (N,)
-        Samples of a displacement.
     motion : ndarray, shape (2, N)
-        Values and slopes of a motion, see `fill_motion`.
+        Values and slopes of a displacement, see `sampled_gap`.
     waves : ndarray, shape (H + 1,)
         One-sided coefficients of a displacement.
     square : ndarray, shape (2H + 1,)
@@ -94,7 +90,6 @@ class ProjectionWorkspace(NamedTuple):
     kappa: ComplexArray
     chi: ComplexArray
     extra: ComplexArray
-    samples: Array
     motion: Array
     waves: ComplexArray
     square: ComplexArray
@@ -115,7 +110,7 @@ def projection_workspace(packed: Any, m: int, H: int, order: Any) -> Any:
     square, both = np.empty(2 * H + 1, np.complex128), np.empty((2, S, length), np.complex128)
     return ProjectionWorkspace(
         np.empty((K, C)), np.empty((K, C)), np.empty(K, np.int64), np.empty(K, np.bool_),
-        coefficients[0], coefficients[1], coefficients[2], np.empty(packed.basis.shape[1]),
+        coefficients[0], coefficients[1], coefficients[2],
         np.empty((2, packed.basis.shape[1])), waves, square,
         part[0], part[1], both, np.empty((2, degrees)),
         slider_workspace(packed.sliders, H, packed.basis.shape[1], order + 1),
@@ -164,29 +159,18 @@ def cross(packed: Any, coefficients: Any, ramped: Any, space: Any) -> None:
     space : ProjectionWorkspace
         Workspace; theta, sign, number and above are filled.
     """
-    laws, samples, c = packed.laws, space.samples, space.waves
-    previous = element = -1
-    bound = 0.0
+    laws, c, previous, bound = packed.laws, space.waves, -1, 0.0
     for i in range(laws.level.shape[0]):
         space.number[i], space.above[i] = 0, False
         j = laws.owner[i]
         moving = j >= coefficients.shape[0]
         if not laws.ramped[i] and (ramped or moving):  # a moving level of this kind is used for clearances only
             continue
-        if moving:
-            if laws.element[j] != element:
-                element, previous = laws.element[j], -1
-                fill_gap(packed.piecewise, coefficients[element], j, c)
-                bound = fill_motion(c, space.motion)
-            space.number[i], space.above[i] = crossings_of_moving(
-                packed.piecewise, j, c, bound, space.motion, space.theta[i], space.sign[i]
-            )
-            continue
-        if j != previous:
-            previous, element = j, -1
-            sampled_gap(packed.piecewise, packed.basis, coefficients[j], j, c, samples)
+        if j != previous and not (previous >= coefficients.shape[0] and laws.element[j] == laws.element[previous]):
+            bound = sampled_gap(packed.piecewise, packed.basis, coefficients[laws.element[j]], j, c, space.motion)
+        previous = j
         space.number[i], space.above[i] = crossings_of(
-            packed.piecewise, j, laws.level[i], c, samples, space.theta[i], space.sign[i]
+            packed.piecewise, j, laws.level[i], c, bound, space.motion, space.theta[i], space.sign[i]
         )
 
 

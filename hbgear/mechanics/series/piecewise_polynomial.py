@@ -13,6 +13,7 @@ instead. Nothing is truncated: any number of harmonics can be computed.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,6 +29,9 @@ MIN_PHASE_BY_PARTS = 6.0
 
 _PHASE_ROUNDING = 1e-13
 """Difference of phases that count as equal [rad]."""
+
+_ROW_ROUNDING = 1e-11
+"""Difference of coefficients, relative to the largest of their order [-], up to which segments count as equal."""
 
 
 def rule() -> tuple[Array, Array]:
@@ -127,6 +131,33 @@ class Pieced:
 
 ONE = Pieced(np.zeros(1), np.ones((1, 1)))
 """The constant function 1."""
+
+
+def equal_parts(functions: Sequence[Pieced]) -> tuple[list[Pieced], int]:
+    """Return functions on segments that begin at parts of the period on which all of them repeat, and their number.
+
+    A mesh of z teeth repeats z times in a revolution. The number is 1 for functions that do not repeat.
+    """
+    T = len(functions[0].at)
+    for number in range(T, 1, -1):
+        if T % number and (T - 1) % number:  # a segment through phase 0 is cut there
+            continue
+        divided = [function.on(TURN * np.arange(number) / number) for function in functions]
+        if all(_repeats(function, number) for function in divided):
+            return divided, number
+    return list(functions), 1
+
+
+def _repeats(function: Pieced, number: int) -> bool:
+    """Return whether segments that begin at equal parts of the period are equal on all parts, to rounding."""
+    if len(function.at) % number:
+        return False
+    at = function.at.reshape(number, -1)
+    rows = function.rows.reshape(number, at.shape[1], -1)
+    if np.abs(at - at[:, :1] - at[0]).max() > _PHASE_ROUNDING:
+        return False
+    size = np.abs(rows).max(axis=(0, 1))
+    return bool((np.abs(rows - rows[0]).max(axis=(0, 1)) <= _ROW_ROUNDING * size).all())
 
 
 def moments(rows: Array, widths: Array, count: int) -> ComplexArray:
