@@ -380,10 +380,11 @@ class Transform:
     @cached_property
     def basis(self) -> Array:
         """Basis functions 1, cos theta, sin theta, ..., sin H theta (2H + 1, N) at the samples."""
-        theta = 2 * np.pi * np.arange(self.N) / self.N
-        index = np.arange(1, self.H + 1)[:, None] * np.arange(self.N) % self.N
-        out = np.ones((2 * self.H + 1, self.N))
-        out[1::2], out[2::2] = np.cos(theta)[index], np.sin(theta)[index]
+        n, out = np.arange(self.N), np.empty((2 * self.H + 1, self.N))
+        cosine, sine = np.cos(2 * np.pi * n / self.N), np.sin(2 * np.pi * n / self.N)
+        out[0] = 1.0
+        for k in range(1, self.H + 1):  # by rows, because a table of all indices is larger than the basis
+            out[2 * k - 1], out[2 * k] = cosine[k * n % self.N], sine[k * n % self.N]
         return out
 
     @cached_property
