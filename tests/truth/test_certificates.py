@@ -376,7 +376,7 @@ def test_contacts_of_a_symmetric_machine_are_named() -> None:
     load = hb.Load(cosine={1: [0.3, 0.3]})
     machine = hb.System(np.eye(2), 0.1 * np.eye(2), [[1.5, -0.5], [-0.5, 1.5]], stops, load)
     curve = hb.trace(hb.ContactInstants(machine), "Omega", (1.6, 1.2))
-    with pytest.raises(NotCertifiedError, match="instants of stop [12] and of stop [12] may coincide at phase"):
+    with pytest.raises(NotCertifiedError, match=r"instants of stop [12] and of stop [12] may coincide at phase"):
         hb.analysis.certify(curve["LP1"])
     with pytest.raises(NotCertifiedError, match="contacts of stop 1, stop 2 graze at once"):
         hb.analysis.certify(curve["GR1"])
@@ -394,5 +394,5 @@ def test_both_flanks_of_a_symmetric_gap_graze_at_once() -> None:
 def test_a_corner_that_is_no_breakpoint_is_noticed(fold: Certificate) -> None:
     claim = json.loads(json.dumps(fold.claim))
     claim["equations"]["elements"][0]["springs"][0]["corners"][0] = "-0.5"
-    with pytest.raises(NotCertifiedError, match="corners of .* are missing among its breakpoints"):
+    with pytest.raises(NotCertifiedError, match=r"corners of .* are missing among its breakpoints"):
         Certificate.of(claim, "")
