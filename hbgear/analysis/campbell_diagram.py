@@ -300,7 +300,10 @@ def _mean_slope(law: Law, closed: bool) -> float:
 def whirl_word(whirl: float) -> str:
     """Return the whirl w of a mode, from -1 to 1, as a word; "-" for nan.
 
-    Examples -------- >>> whirl_word(0.9), whirl_word(-0.2), whirl_word(float("nan")) ('forward', 'backward', '-')
+    Examples
+    --------
+    >>> whirl_word(0.9), whirl_word(-0.2), whirl_word(float("nan"))
+    ('forward', 'backward', '-')
     """
     if math.isnan(whirl):
         return "-"

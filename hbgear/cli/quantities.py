@@ -53,7 +53,10 @@ def parameter_value(labels: Mapping[str, str], option: str, name: str, text: str
     ``labels`` by name end in their units, ``option`` is named in messages. ValueError is raised if the text is no
     number and no quantity of this unit.
 
-    Examples -------- >>> parameter_value({"backlash": "backlash [um]"}, "--set", "backlash", "0.09 mm") 90.0
+    Examples
+    --------
+    >>> parameter_value({"backlash": "backlash [um]"}, "--set", "backlash", "0.09 mm")
+    90.0
     """
     unit = unit_of(str(labels.get(name, name)))
     unit = "" if unit == "1" else unit
@@ -81,8 +84,11 @@ def amplitude_in_model(
     ValueError is raised if the text has no unit although the model has one, or the other way round, or if the unit will
     change.
 
-    Examples -------- >>> import hbgear as hb >>> round(amplitude_in_model(hb.gears.DoubleHelicalPair(b_c=4e-5),
-    "--peak", "pp2", "20um"), 12) 0.5
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> round(amplitude_in_model(hb.gears.DoubleHelicalPair(b_c=4e-5), "--peak", "pp2", "20um"), 12)
+    0.5
     """
     length, dimension = length_scale(model, {}), dimension_of(measure)
     if length is None or not dimension:

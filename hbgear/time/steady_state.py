@@ -218,8 +218,21 @@ def lyapunov(integrator: ExponentialIntegrator, motions: StateBatch, periods: in
 
         lambda = lim (1 / t) sum_p log(|delta_p| / |delta_0|)
 
-    The first quarter of the excitation periods, in which the disturbance turns to the direction of largest growth, is
-    left out. The motion is not changed.
+    The first quarter of the periods, in which the disturbance turns to the direction of largest growth, is left out.
+
+    Parameters
+    ----------
+    integrator : ExponentialIntegrator
+        Integrator of the motion.
+    motions : StateBatch
+        The motion; it is not changed.
+    periods : int, optional
+        Number of excitation periods. Default: 400.
+
+    Returns
+    -------
+    float
+        Largest Lyapunov exponent.
     """
     weights = integrator.weights()
     pair = motions.select(np.array([0, 0]))

@@ -53,8 +53,11 @@ SPEED_LABEL = "speed of the pinion [r/min]"
 def kind_of(branch: Branch) -> Literal["periodic", "tori", "backbone"]:
     """Return the kind of motions of a branch in a response figure.
 
-    Examples -------- >>> import hbgear as hb >>> kind_of(hb.analysis.backbone(hb.Duffing(), span=(0.01, 0.1),
-    harmonics=3)) 'backbone'
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> kind_of(hb.analysis.backbone(hb.Duffing(), span=(0.01, 0.1), harmonics=3))
+    'backbone'
     """
     if isinstance(branch.layout, TorusLayout):
         return "tori"
@@ -70,8 +73,12 @@ def same_unit_of_amplitude(branches: Sequence[Branch]) -> bool:
 def are_meshes(model: Model | None, layout: Layout) -> list[bool]:
     """Return whether each element of a model is a mesh of teeth; the first element is one if the model names none.
 
-    Examples -------- >>> import hbgear as hb >>> pair = hb.gears.GearRotorBearing() >>> are_meshes(pair,
-    hb.HarmonicBalance(pair, 3).layout) [True, False, False]
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> pair = hb.gears.GearRotorBearing()
+    >>> are_meshes(pair, hb.HarmonicBalance(pair, 3).layout)
+    [True, False, False]
     """
     names = model.mesh_names if model is not None else ()
     return [name in names if names else number == 0 for number, name in enumerate(layout.elements)]
@@ -188,8 +195,10 @@ def axis_scales(model_scales: Sequence[dict[str, float]], dimensionless: bool = 
     Speeds in r/min may be compared if their scales differ. An axis of Omega has speeds above it only if they are equal.
     The scales are those of the first model, without `MESH` if its ratio to `PINION` differs.
 
-    Examples -------- >>> axis_scales([{"mesh Hz": 500.0, "pinion r/min": 1500.0}, {"mesh Hz": 600.0, "pinion r/min":
-    1800.0}]) {'mesh Hz': 500.0, 'pinion r/min': 1500.0}
+    Examples
+    --------
+    >>> axis_scales([{"mesh Hz": 500.0, "pinion r/min": 1500.0}, {"mesh Hz": 600.0, "pinion r/min": 1800.0}])
+    {'mesh Hz': 500.0, 'pinion r/min': 1500.0}
     """
     if dimensionless or not model_scales or not all(model_scales):
         return same_scales(model_scales)

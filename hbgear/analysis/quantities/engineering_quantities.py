@@ -180,9 +180,12 @@ def transmission_error(motions: Branch | Point, element: int | str = 0) -> Array
 
     The unit is um if the model has `Scales`, else that of the model.
 
-    Examples -------- >>> import hbgear as hb >>> curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 8), "Omega", (1.5,
-    1.4)) >>> bool(np.allclose(transmission_error(curve), hb.analysis.machine_quantities(curve)["dte, half
-    peak-to-peak"])) True
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 8), "Omega", (1.5, 1.4))
+    >>> bool(np.allclose(transmission_error(curve), hb.analysis.machine_quantities(curve)["dte, half peak-to-peak"]))
+    True
     """
     if isinstance(motions, Branch):
         problem, X = problem_along(motions), np.asarray(motions.X)

@@ -20,8 +20,10 @@ MICROMETRE = "um"
 def in_figure(text: str) -> str:
     """Return a label of a table with its unit in the notation of figures.
 
-    Examples -------- >>> in_figure("gap [um]"), in_figure("$x^2$ [m^2]") ('gap [\N{MICRO SIGN}m]', '$x^2$
-    [m\N{SUPERSCRIPT TWO}]')
+    Examples
+    --------
+    >>> in_figure("gap [um]"), in_figure("$x^2$ [m^2]")
+    ('gap [\N{MICRO SIGN}m]', '$x^2$ [m\N{SUPERSCRIPT TWO}]')
     """
     return re.sub(r"\[[^\[\]$]*\]", lambda unit: in_figure_unit(unit[0]), text)
 
@@ -29,7 +31,10 @@ def in_figure(text: str) -> str:
 def in_figure_unit(unit: str) -> str:
     """Return a unit in the notation of figures, with the sign of micro and raised exponents.
 
-    Examples -------- >>> in_figure_unit("um") '\N{MICRO SIGN}m'
+    Examples
+    --------
+    >>> in_figure_unit("um")
+    '\N{MICRO SIGN}m'
     """
     unit = re.sub(r"\bum\b", "\N{MICRO SIGN}m", unit)
     return unit.replace("^2", "\N{SUPERSCRIPT TWO}").replace("^3", "\N{SUPERSCRIPT THREE}")
@@ -44,7 +49,10 @@ def dimension_of(measure: str) -> int:
 def factor_of(measure: str, length: Numbers | None) -> Numbers | float:
     """Return the unit of a measure of amplitude [um] for a unit of length [m]; 1 without a unit of length.
 
-    Examples -------- >>> factor_of("rms", 5e-5), factor_of("rms", None) (50.0, 1.0)
+    Examples
+    --------
+    >>> factor_of("rms", 5e-5), factor_of("rms", None)
+    (50.0, 1.0)
     """
     return 1.0 if length is None else (1e6 * length) ** dimension_of(measure)
 
@@ -52,7 +60,10 @@ def factor_of(measure: str, length: Numbers | None) -> Numbers | float:
 def in_micrometres(symbol: str, name: str = "") -> str:
     """Return the label of a motion in units of the model, and a name that follows it, with the unit of lengths.
 
-    Examples -------- >>> in_micrometres("$x$ [-]") '$x$ [um]'
+    Examples
+    --------
+    >>> in_micrometres("$x$ [-]")
+    '$x$ [um]'
     """
     text = without_unit(symbol).partition(" / ")[0]
     return f"${text}${name} [{MICROMETRE}]" if len(text) <= 2 else f"{text}{name} [{MICROMETRE}]"
@@ -61,6 +72,9 @@ def in_micrometres(symbol: str, name: str = "") -> str:
 def in_metres_per_second(symbol: str) -> str:
     """Return the label of a motion in units of the model as that of its rate, without "rate of", with the SI unit.
 
-    Examples -------- >>> in_metres_per_second("gap / b") 'gap [m/s]'
+    Examples
+    --------
+    >>> in_metres_per_second("gap / b")
+    'gap [m/s]'
     """
     return in_micrometres(symbol).replace(f"[{MICROMETRE}]", "[m/s]")

@@ -111,9 +111,13 @@ def order_levels(
 
     With ``dimensionless`` it is one unit of the model although the model has scales.
 
-    Examples -------- >>> import hbgear as hb >>> curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 8), "Omega", (1.5,
-    1.4)) >>> cut = hb.analysis.order_amplitudes(curve, "force", 1) >>> bool(np.allclose(order_levels(curve, "force",
-    1), 20 * np.log10(cut))) True
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 8), "Omega", (1.5, 1.4))
+    >>> cut = hb.analysis.order_amplitudes(curve, "force", 1)
+    >>> bool(np.allclose(order_levels(curve, "force", 1), 20 * np.log10(cut)))
+    True
     """
     values = order_amplitudes(motions, quantity, order, element, dof)
     reference, cut = 1.0, CUTS[quantity]

@@ -23,8 +23,12 @@ PARABOLAS = 3
 def stable_or_limit(branch: hb.Branch) -> Array:
     """Return whether each point is stable, or a stability limit next to a stable point; True if nothing is known.
 
-    Examples -------- >>> import hbgear as hb >>> curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 3), "Omega", (0.8,
-    1.6)) >>> bool(stable_or_limit(curve)[curve["LP1"].index]) True
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 3), "Omega", (0.8, 1.6))
+    >>> bool(stable_or_limit(curve)[curve["LP1"].index])
+    True
     """
     stable = np.ones(len(branch), bool) if branch.stable is None else np.array(branch.stable, bool)
     ends = stable.copy()

@@ -147,9 +147,19 @@ class MinimallyAugmentedProblem(SpecialPointProblem):
         return Solution(U, math.nan, Evaluation(R, A, np.zeros(len(U)), size), steps, norm(R) / size)
 
     def stepped(self, U: Array, parameters: Mapping[str, float], steps: int) -> tuple[Self, Array]:
-        """Apply undamped Newton steps to U = (X, p); return the problem with borders at U, and the last iterate.
+        """Apply a fixed number of undamped Newton steps to a guess U = (X, p).
 
-        LinAlgError is raised if the equations are singular.
+        Returns
+        -------
+        problem : MinimallyAugmentedProblem
+            The problem with borders at U, if it needs borders.
+        U : ndarray, shape (n + 1,)
+            Last iterate, converged or not.
+
+        Raises
+        ------
+        numpy.linalg.LinAlgError
+            If the equations are singular.
         """
         compiled = self.compiled(parameters)
         if compiled is None:

@@ -26,12 +26,23 @@ from hbgear.continuation.solvers.newton import SOLVER_ERRORS, NewtonSettings, So
 class CurvePoint:
     """Converged point of a curve, with its tangent. Only the monitored quantities ``observed`` are filled later.
 
-    Attributes ---------- u : ndarray, shape (n + 1,) Unknowns X and the parameter. tangent : ndarray, shape (n + 1,)
-    Tangent du/ds in unscaled unknowns, of unit length in scaled unknowns. orientation : int Sign of det [dR/dX dR/dp;
-    tangent^T]. It changes at branch points and not at folds. residual : float Relative residual. iterations : int
-    Number of iterations of the corrector. step : float Size of the step to this point. parameter_direction : int +1 if
-    the parameter increases along the curve, -1 if it decreases. On a section of constant parameter it keeps its last
-    value.
+    Attributes
+    ----------
+    u : ndarray, shape (n + 1,)
+        Unknowns X and the parameter.
+    tangent : ndarray, shape (n + 1,)
+        Tangent du/ds in unscaled unknowns, of unit length in scaled unknowns.
+    orientation : int
+        Sign of det [dR/dX dR/dp; tangent^T]. It changes at branch points and not at folds.
+    residual : float
+        Relative residual.
+    iterations : int
+        Number of iterations of the corrector.
+    step : float
+        Size of the step to this point.
+    parameter_direction : int
+        +1 if the parameter increases along the curve, -1 if it decreases. On a section of constant
+        parameter it keeps its last value.
     """
 
     u: Array

@@ -124,7 +124,7 @@ def estimate_error(segment: Segment, event: LocatedEvent, accuracy: float, work:
         error = _estimate(segment, event, problem, goal, points)
         if math.isinf(error) and event.located:
             work.estimates(0, FAILED_COMPARISON_COST)
-        finer = problem.refined_problem
+        finer = None if problem.refined_problem is None else problem.refined_problem
         if (error <= goal and _deviation(segment, event) <= MAX_MULTIPLIER_DEVIATION) or finer is None:
             break
         if not work.allows(finer.equivalent_size, LOCATION_COST):
@@ -215,7 +215,8 @@ def _at_other_resolution(segment: Segment, event: LocatedEvent, problem: Continu
     if simple and (segment.problem.smooth or event.event.regular_at_corners):
         first = _by_equations(segment, event, problem)
         if first is not None:
-            if not _left_segment(segment, first):
+            refined = first.locate() if _left_segment(segment, event, first) else None
+            if refined is None:
                 return first
             second = _on_segment(segment, event, problem)
             return second if second.distance < first.distance else first
@@ -285,7 +286,7 @@ def _newton_until_settled(
     return extended.located(start, parameters).X
 
 
-def _left_segment(segment: Segment, comparison: Comparison) -> bool:
+def _left_segment(segment: Segment, event: LocatedEvent, comparison: Comparison) -> bool:
     """Return whether a point moved beyond the ends of its segment, and may be another special point.
 
     The segments of corners are so short that their points leave them at any other resolution.

@@ -65,7 +65,10 @@ class Work:
 
         One estimate may take all of the remaining work.
 
-        Examples -------- >>> work = Work(1.0, spent=1.0) >>> work.allows(70), work.estimates(70), work.estimates(700)
+        Examples
+        --------
+        >>> work = Work(1.0, spent=1.0)
+        >>> work.allows(70), work.estimates(70), work.estimates(700)
         (False, True, False)
         """
         weight = _weight(unknowns, solutions)

@@ -44,8 +44,13 @@ class Crossing:
 def crossings_at(branch: BranchData, value: float) -> list[Crossing]:
     """Return the crossings of a branch with a value of its parameter, in the order of the branch, without duplicates.
 
-    Examples -------- >>> import hbgear as hb >>> curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.5,
-    0.8)) >>> (crossing,) = crossings_at(curve, 0.7) >>> round(float(crossing.interpolate(curve.values)), 12) 0.7
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), "Omega", (0.5, 0.8))
+    >>> (crossing,) = crossings_at(curve, 0.7)
+    >>> round(float(crossing.interpolate(curve.values)), 12)
+    0.7
     """
     x = branch.values - value
     side = np.sign(x)
@@ -64,9 +69,13 @@ def interpolate_along(at: Array, x: Array, y: Array) -> Array:
     x, ascending, and y are the parameter and the quantity at the points of the section; the result is y where x is
     ``at``.
 
-    Examples -------- >>> import numpy as np >>> angle = np.linspace(-np.pi / 2, 0, 24)  # a quarter of a circle with a
-    fold at its end >>> y = interpolate_along(np.array([0.6, 0.999]), np.cos(angle), np.sin(angle)) >>> bool(np.abs(y +
-    np.sqrt([0.64, 1 - 0.999**2])).max() < 1e-5) True
+    Examples
+    --------
+    >>> import numpy as np
+    >>> angle = np.linspace(-np.pi / 2, 0, 24)  # a quarter of a circle with a fold at its end
+    >>> y = interpolate_along(np.array([0.6, 0.999]), np.cos(angle), np.sin(angle))
+    >>> bool(np.abs(y + np.sqrt([0.64, 1 - 0.999**2])).max() < 1e-5)
+    True
     """
     steps = np.hypot(*(np.diff(z) / (np.ptp(z) or 1.0) for z in (x, y)))
     distinct = np.append(True, steps > _COINCIDENCE)

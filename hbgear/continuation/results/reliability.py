@@ -151,8 +151,12 @@ def unexplained_changes(codes: NDArray[np.int_], kinds: Mapping[int, Sequence[st
     number of their point. Undecided points are not compared. Special points, whose critical multiplier lies on the unit
     circle, are not compared either.
 
-    Examples -------- >>> unexplained_changes(np.array([1, 1, 0, 0]), {}) [(1, 2)] >>> unexplained_changes(np.array([1,
-    1, 0, 0]), {1: ["LP"]}) []
+    Examples
+    --------
+    >>> unexplained_changes(np.array([1, 1, 0, 0]), {})
+    [(1, 2)]
+    >>> unexplained_changes(np.array([1, 1, 0, 0]), {1: ["LP"]})
+    []
     """
     return [(a, b) for a, b in _compared_pairs(codes, kinds) if codes[a] != codes[b] and not _between(a, b, kinds)]
 
@@ -160,7 +164,10 @@ def unexplained_changes(codes: NDArray[np.int_], kinds: Mapping[int, Sequence[st
 def stable_on_both_sides(codes: NDArray[np.int_], kinds: Mapping[int, Sequence[str]]) -> list[int]:
     """Return the numbers of the folds with stable points on both sides; see `unexplained_changes`.
 
-    Examples -------- >>> stable_on_both_sides(np.array([1, 1, 1]), {1: ["LP"]}) [1]
+    Examples
+    --------
+    >>> stable_on_both_sides(np.array([1, 1, 1]), {1: ["LP"]})
+    [1]
     """
     out = []
     for a, b in _compared_pairs(codes, kinds):

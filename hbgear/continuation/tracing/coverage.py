@@ -60,8 +60,12 @@ def uncovered_intervals(branches: Sequence[Branch], span: tuple[float, float]) -
 
     A branch whose solutions tend to infinity covers the interval up to its asymptote.
 
-    Examples -------- >>> import hbgear as hb >>> curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 3), "Omega", (0.5,
-    0.7)) >>> uncovered_intervals([curve], (0.9, 0.4)) [(0.4, 0.5), (0.7, 0.9)]
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 3), "Omega", (0.5, 0.7))
+    >>> uncovered_intervals([curve], (0.9, 0.4))
+    [(0.4, 0.5), (0.7, 0.9)]
     """
     low, high = sorted(map(float, span))
     values = [np.append(b.values, list(b.asymptotes.values())) for b in branches]

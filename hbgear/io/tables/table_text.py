@@ -63,8 +63,10 @@ class TableText:
 def decoded(content: bytes, name: str) -> str:
     """Return the text of the bytes of a table; ValueError if they are not text.
 
-    Examples -------- >>> decoded("x [µm]".encode("utf-16"), "a.csv"), decoded("x [µm]".encode("latin-1"), "a.csv") ('x
-    [µm]', 'x [µm]')
+    Examples
+    --------
+    >>> decoded("x [µm]".encode("utf-16"), "a.csv"), decoded("x [µm]".encode("latin-1"), "a.csv")
+    ('x [µm]', 'x [µm]')
     """
     mark, encoding = next(((m, e) for m, e in _MARKS if content.startswith(m)), (b"", ""))
     start = content[:4096]

@@ -69,8 +69,21 @@ def growth_rates(integrator: ExponentialIntegrator, motions: StateBatch, periods
     """Return the mean logarithmic growth (B,) of a disturbance per period: the largest Lyapunov exponent times T.
 
     Each motion has a neighbour at a distance of 1e-8, which is rescaled after each period. The first quarter of the
-    periods, in which the disturbance turns to the direction of largest growth, is left out. The motions are not
-    changed.
+    periods, in which the disturbance turns to the direction of largest growth, is left out.
+
+    Parameters
+    ----------
+    integrator : ExponentialIntegrator
+        Integrator of the motions.
+    motions : StateBatch
+        Motions; they are not changed.
+    periods : int
+        Number of excitation periods.
+
+    Returns
+    -------
+    ndarray, shape (B,)
+        Growth rates.
     """
     count = len(motions.d)
     indices = np.tile(np.arange(count), 2)
