@@ -219,6 +219,17 @@ def test_gear_reports_the_requested_quantities(run, tmp_path):
     assert f"{max(speeds) / 0.8**0.5:.0f}+" in lighter  # speeds go with the root of stiffness over mass
 
 
+@pytest.mark.slow
+def test_gear_without_mean_torque_and_without_contact(run):
+    """The dynamic factor is not defined, and the teeth are apart at all speeds; both ended in an error."""
+    drawing = [*DRAWING[:7], "0Nm", *DRAWING[8:]]
+    code, out, err = run("gear", *drawing, "--damping", 0.04, "--torque-orders", "25:60Nm")
+    assert (code, err) == (0, "")
+    low, high = re.search(r"loss of contact is possible: (\d+) to (\d+) r/min", out).groups()
+    assert f"recommendation: avoid {low} to {high} r/min" in out
+    assert re.search(r"as computed +- +none", out)
+
+
 def test_suggested_relief_has_the_size_of_the_deflection():
     """It was 10 um for all modules. Similar gears with ten times the size and a hundred times the force are equal.
 

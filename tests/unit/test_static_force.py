@@ -7,6 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 import hbgear as hb
+from hbgear.analysis.quantities.mesh_dynamic_factor import FORCE_SAMPLES, is_static
 from hbgear.cli import app as cli
 
 
@@ -48,6 +49,22 @@ def test_a_small_static_force_counts():
     amplitude = 0.3 / abs(k - 0.25 + 0.05j)
     assert hb.analysis.dynamic_factor(one, point) == pytest.approx(1 + k * amplitude / F, rel=1e-5)
     assert hb.analysis.machine_quantities(point)["dynamic factor"][0] == pytest.approx(1 + k * amplitude / F, rel=1e-5)
+
+
+@pytest.mark.parametrize("pulses", [2, 10, 60])
+def test_jumps_of_the_stiffness_are_no_static_force(rng, pulses):
+    """Pulses of both signs without a mean: that of their samples is up to 1e-3 of the force, and counted as a mean."""
+    time, largest = np.arange(FORCE_SAMPLES) / FORCE_SAMPLES, 0.0
+    for _ in range(100):
+        width = rng.uniform(0.001, 0.2, pulses // 2).repeat(2)
+        begins, heights = rng.uniform(0, 1, pulses), rng.uniform(0.2, 1, pulses // 2).repeat(2)
+        inside = (time - begins[:, None]) % 1.0 < width[:, None]
+        force = (heights * np.tile([1.0, -1.0], pulses // 2)) @ inside
+        size = np.abs(force).max()
+        assert not is_static(force, size)
+        assert is_static(force + 0.01 * size, size)
+        largest = max(largest, abs(force.mean()) / size)
+    assert largest > 1e-4
 
 
 @pytest.mark.filterwarnings("ignore:no element comes near a breakpoint")

@@ -339,10 +339,9 @@ def _of_motion(
     """
     compiled = problem.compiled(parameters)
     force = element_force(problem, X, parameters, index)
-    mean, size = float(force.mean()), float(np.abs(force).max())
-    has_static = is_static(mean, size, force_level(compiled.system.elements, problem.rows(X)))
-    static = mean if has_static else 0.0
-    largest = float(force.max() if static > 0 else force.min()) if has_static else size
+    has_static = is_static(force, force_level(compiled.system.elements, problem.rows(X)))
+    static = float(force.mean()) if has_static else 0.0
+    largest = float(force.max() if static > 0 else force.min()) if has_static else float(np.abs(force).max())
     half_range = float(half_peak_to_peak(total_error(problem, X, parameters, index)))
     return half_range, largest, static, largest / static if has_static else math.nan
 

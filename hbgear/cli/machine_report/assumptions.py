@@ -8,6 +8,7 @@ threads.
 from __future__ import annotations
 
 import dataclasses
+import math
 import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -184,7 +185,7 @@ def _jump_speeds(model: hb.mechanics.Model, curve: hb.Branch, shown: tuple[float
 
 
 def largest_factor(model: hb.mechanics.Model, curve: hb.Branch, shown: tuple[float, float] | None = None) -> str:
-    """Return the largest dynamic factor of the stable points, in a range of r/min.
+    """Return the largest dynamic factor of the stable points, in a range of r/min; "-" without them.
 
     Where the stiffness varies, the largest force is not at the largest amplitude.
     """
@@ -198,11 +199,15 @@ def largest_factor(model: hb.mechanics.Model, curve: hb.Branch, shown: tuple[flo
         for branch in curve.curves for i in bounded_inside(branch, span)
         if branch.stable is None or branch.stable[i]
     ]  # fmt: skip
-    return rounded(largest_of(model, points), 3) if points else "-"
+    factor = largest_of(model, points) if points else math.nan
+    return rounded(factor, 3) if math.isfinite(factor) else "-"
 
 
 def largest_of(model: hb.mechanics.Model, points: Sequence[tuple[hb.Branch, int]]) -> float:
-    """Return the largest dynamic factor of points of curves in Omega, on which the static force is the same."""
+    """Return the largest dynamic factor of points of curves in Omega, on which the static force is the same.
+
+    It is nan without a static force.
+    """
 
     def force(entry: tuple[hb.Branch, int]) -> float:
         branch, i = entry
@@ -210,7 +215,10 @@ def largest_of(model: hb.mechanics.Model, points: Sequence[tuple[hb.Branch, int]
         return float(np.abs(element_force(problem, branch.X[i], parameters, 0, COARSE_SAMPLES)).max())
 
     largest = sorted(points, key=force)[-FACTOR_CANDIDATES:]
-    return max(hb.analysis.dynamic_factor(model, branch[i]) for branch, i in largest)
+    try:
+        return max(hb.analysis.dynamic_factor(model, branch[i]) for branch, i in largest)
+    except ValueError:
+        return math.nan
 
 
 def bounded_inside(branch: hb.Branch, span: tuple[float, float] | None) -> list[int]:

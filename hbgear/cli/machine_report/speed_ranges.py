@@ -55,6 +55,8 @@ def contact_lost(model: hb.mechanics.Model, curve: hb.Branch) -> Ranges:
 
     def lost(branch: hb.Branch) -> Array:
         layout, regime = layout_of(branch), np.asarray(branch.regime)
+        if not regime.shape[1]:  # motions in the gap, without contact
+            return np.ones(len(branch), dtype=bool)
         columns = [layout.index(name) if layout else 0 for name in names]
         return np.asarray((regime[:, columns] > 0).any(axis=1))
 

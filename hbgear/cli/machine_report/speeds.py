@@ -157,7 +157,7 @@ def _show_resonances(model: hb.mechanics.Model, curve: hb.Branch, shown: tuple[f
     scales, several = scales_of(model), len(meshes_of(model)) > 1
     rows = [
         [f"{r.speed:.0f}", f"{float(scales.mesh_frequency(r.point.parameters['Omega'])):.0f}",
-         *([str(r.mesh)] if several else []), _number_or_dash(r.factor), rounded(r.transmission_error, 3),
+         *([str(r.mesh)] if several else []), number_or_dash(r.factor), rounded(r.transmission_error, 3),
          f"{r.force:.0f}", "before a jump" if r.ends else ""]
         for r in resonances(model, curve) if is_shown(r.speed, shown)
     ]  # fmt: skip
@@ -177,7 +177,8 @@ def _show_resonances(model: hb.mechanics.Model, curve: hb.Branch, shown: tuple[f
         print_text("no resonance in this range of speeds")
 
 
-def _number_or_dash(value: float) -> str:
+def number_or_dash(value: float) -> str:
+    """Return a number with three digits, "-" for nan."""
     return rounded(value, 3) if np.isfinite(value) else "-"
 
 

@@ -12,8 +12,8 @@ import numpy as np
 import hbgear as hb
 from hbgear.cli.machine_report.assumptions import LONG_STEPS, largest_of, until
 from hbgear.cli.machine_report.speed_ranges import Ranges, merged, numbers_text, scales_of
+from hbgear.cli.machine_report.speeds import number_or_dash
 from hbgear.cli.output import print_table
-from hbgear.common.text.digits import rounded
 
 SAME_SPEED = 1e-4
 """Difference of Omega [-] below which a curve of twice the period ends at a period doubling."""
@@ -52,7 +52,7 @@ def show_subharmonics(motions: Sequence[Subharmonic]) -> None:
     """Print the table of subharmonic motions, if there are any."""
     if motions:
         headers = ["begins at", "stable at pinion r/min", "largest dynamic factor"]
-        rows = [[f"{x.begin:.0f} r/min", numbers_text(x.ranges), rounded(x.factor, 3)] for x in motions]
+        rows = [[f"{x.begin:.0f} r/min", numbers_text(x.ranges), number_or_dash(x.factor)] for x in motions]
         print_table(headers, rows, "other motions of twice the mesh period, which may be reached instead")
 
 
