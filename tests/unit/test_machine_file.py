@@ -220,6 +220,25 @@ def test_gear_reports_the_requested_quantities(run, tmp_path):
 
 
 @pytest.mark.slow
+def test_losses_of_all_curves_of_a_span():
+    """The lowest speed is on the second curve, because the first one grows without bound."""
+    from hbgear.cli.machine_report.gear_tables import losses
+
+    machine = Machine(pair(), 200.0, 0.04, friction=0.05)
+    model = machine.model()
+    curve = hb.trace(hb.HarmonicBalance(model, 12), "Omega", model.default_span)
+    rows = dict(losses(machine, curve))
+    speeds = [float(model.scales.pinion_speed(end)) for end in sorted(model.default_span)]
+    assert curve.others
+    assert [*rows][1:3] == [f"lowest speed, {speeds[0]:.0f} r/min", f"highest speed, {speeds[1]:.0f} r/min"]
+    del rows["static efficiency"]
+    for name, text in rows.items():
+        efficiency, loss = (float(x) for x in re.search(r"([\d.]+)%, loss ([\d.]+) W", text).groups())
+        power = 200.0 * float(name.split()[-2]) * np.pi / 30
+        assert loss / power == pytest.approx(1 - efficiency / 100, rel=1e-3)
+
+
+@pytest.mark.slow
 def test_gear_without_mean_torque_and_without_contact(run):
     """The dynamic factor is not defined, and the teeth are apart at all speeds; both ended in an error."""
     drawing = [*DRAWING[:7], "0Nm", *DRAWING[8:]]

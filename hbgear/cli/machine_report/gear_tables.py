@@ -131,20 +131,18 @@ def losses(machine: Machine, curve: hb.Branch) -> Iterator[list[str]]:
     side = 1 if machine.torque >= 0 else -1
     static = friction_mesh(tooth_mesh(machine.pair, machine.mesh_torque), machine.friction, side).output
     yield ["static efficiency", f"{static if side > 0 else 1 / static:.4%}"]
-    q = hb.analysis.machine_quantities(curve)
-    stable = np.asarray(q.columns.get("stable", np.ones(len(curve)))).astype(bool)
-    if not stable.any():
+    motions = list[tuple[float, ...]]()
+    for branch in curve.curves:
+        q, stable = hb.analysis.machine_quantities(branch), stable_or_limit(branch)
+        columns = [q[name] for name in ("pinion", "efficiency", "power loss", "friction across, largest")]
+        motions += [tuple(float(x[i]) for x in columns) for i in bounded_inside(branch, None) if stable[i]]
+    if not motions:
         return
-    rpm, loss = q["pinion"], q["power loss"]
-    for name, i in (("lowest", int(np.argmin(rpm))), ("highest", int(np.argmax(np.where(stable, rpm, -1.0))))):
-        if stable[i]:
-            yield [
-                f"{name} speed, {rpm[i]:.0f} r/min",
-                f"efficiency {q['efficiency'][i]:.4%}, loss {loss[i]:.1f} W",
-            ]
-    i = int(np.argmin(np.where(stable, q["efficiency"], np.inf)))
-    yield [f"lowest efficiency, {rpm[i]:.0f} r/min", f"{q['efficiency'][i]:.4%}, loss {loss[i]:.1f} W; friction "
-           f"across the line of action {q['friction across, largest'][i]:.0f} N"]  # fmt: skip
+    for name, (rpm, efficiency, loss, _) in (("lowest", min(motions)), ("highest", max(motions))):
+        yield [f"{name} speed, {rpm:.0f} r/min", f"efficiency {efficiency:.4%}, loss {rounded(loss, 4)} W"]
+    rpm, efficiency, loss, across = min(motions, key=lambda motion: motion[1])
+    yield [f"lowest efficiency, {rpm:.0f} r/min", f"{efficiency:.4%}, loss {rounded(loss, 4)} W; friction across the "
+           f"line of action {rounded(across, 4)} N"]  # fmt: skip
 
 
 def _orders_text(machine: Machine) -> str:
