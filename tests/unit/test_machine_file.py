@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import hbgear as hb
+from hbgear.cli.machine_report import gear_tables
 from hbgear.io.machines.machine_file import Machine, MachineFileError, read_machine, write_machine
 
 TEXT = """torque = "200 N m"
@@ -222,12 +223,10 @@ def test_gear_reports_the_requested_quantities(run, tmp_path):
 @pytest.mark.slow
 def test_losses_of_all_curves_of_a_span():
     """The lowest speed is on the second curve, because the first one grows without bound."""
-    from hbgear.cli.machine_report.gear_tables import losses
-
     machine = Machine(pair(), 200.0, 0.04, friction=0.05)
     model = machine.model()
     curve = hb.trace(hb.HarmonicBalance(model, 12), "Omega", model.default_span)
-    rows = dict(losses(machine, curve))
+    rows = dict(gear_tables.losses(machine, curve))
     speeds = [float(model.scales.pinion_speed(end)) for end in sorted(model.default_span)]
     assert curve.others
     assert [*rows][1:3] == [f"lowest speed, {speeds[0]:.0f} r/min", f"highest speed, {speeds[1]:.0f} r/min"]
@@ -249,6 +248,11 @@ def test_gear_without_mean_torque_and_without_contact(run):
     assert re.search(r"as computed +- +none", out)
 
 
+def _force_text(model):
+    machine = Machine(model.pair, model.torque, model.damping)
+    return dict(gear_tables.mesh(machine, machine.mesh, model))["force along the line of action"]
+
+
 def test_suggested_relief_has_the_size_of_the_deflection():
     """It was 10 um for all modules. Similar gears with ten times the size and a hundred times the force are equal.
 
@@ -262,6 +266,7 @@ def test_suggested_relief_has_the_size_of_the_deflection():
         found = dict(alternatives(model))
         changed = found[f"no tip relief: {relief}"]()
         assert changed.pair.pinion.tip_relief == changed.pair.wheel.tip_relief == pytest.approx(10e-6 * size)
+        assert _force_text(model) == {1: "5675.6 N", 10: "567560 N", 0.1: "56.756 N"}[size]
         with without_relief_warning(), warnings.catch_warnings(record=True) as raised:
             _ = [model().equations for model in found.values()]
         assert not raised

@@ -56,7 +56,8 @@ def mesh(machine: Machine, cycle: hb.gears.MeshCycle, model: DrawnPair) -> Itera
     yield ["contact ratio", f"{pair.contact_ratio:.5f} transverse{overlap}"]
     sizes = ", ".join(f"{pair.backlash_as(measure) * 1e6:.1f} {measure}" for measure in ("circumferential", "normal"))
     yield ["backlash [um]", f"{sizes}; half gap along the line of action {pair.half_backlash * 1e6:.1f}"]
-    yield ["force along the line of action", f"{pair.transverse_force(machine.torque):.1f} N" + _orders_text(machine)]
+    force = rounded(pair.transverse_force(machine.torque), 5) if machine.torque else "0"
+    yield ["force along the line of action", f"{force} N{_orders_text(machine)}"]
     k = cycle.stiffness
     yield ["mesh stiffness", f"{k.mean:.4g} N/m mean ({k.mean / pair.face_width / 1e9:.2f} N/(mm um)), "
            f"{k.value.min():.4g} to {k.value.max():.4g}"]  # fmt: skip

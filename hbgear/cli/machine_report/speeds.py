@@ -158,7 +158,7 @@ def _show_resonances(model: hb.mechanics.Model, curve: hb.Branch, shown: tuple[f
     rows = [
         [f"{r.speed:.0f}", f"{float(scales.mesh_frequency(r.point.parameters['Omega'])):.0f}",
          *([str(r.mesh)] if several else []), number_or_dash(r.factor), rounded(r.transmission_error, 3),
-         f"{r.force:.0f}", "before a jump" if r.ends else ""]
+         rounded(r.force, 4), "before a jump" if r.ends else ""]
         for r in resonances(model, curve) if is_shown(r.speed, shown)
     ]  # fmt: skip
     for branch in curve.curves:
