@@ -439,8 +439,9 @@ class Mesh:  # numpydoc ignore=PR02
 
         Contacts or stiffness and error, backlash, angles, the phase of the pitch point and the thickness of the teeth
         follow from the pair. The options ``mesh``, the model of the mesh, ``cycle``, tables of it, and ``friction``,
-        the coefficient of friction between the teeth, are those of `GearPair.model`. The damping ratio refers to the
-        same stiffness in all models of the mesh. The transverse stiffness and gaps of helical teeth are converted to
+        the coefficient of friction between the teeth, are those of `GearPair.model`. The mean torques of a train remain
+        those without losses, also behind a mesh with friction. The damping ratio refers to the same stiffness in all
+        models of the mesh. The transverse stiffness and gaps of helical teeth are converted to
         the normal of the flanks, k_n = k_t / cos^2(beta_b), b_n = b_t cos(beta_b).
         """
         check("Mesh.of", "pair", pair, GearPair)
