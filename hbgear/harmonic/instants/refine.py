@@ -76,7 +76,7 @@ class ExactMotion:
     Attributes
     ----------
     Omega : float
-        Frequency of the excitation. It differs from the given one only after `refine_near_fold`.
+        Frequency of the excitation. It differs from the given one only if it was free.
     instants : ndarray, shape (K,)
         Phases tau of the switches, ascending within the nu periods of the motion.
     switches : tuple of Switch
@@ -124,22 +124,7 @@ class Approximation:
 def refine(equations: Equations, approximation: Approximation, Omega: float, free: bool = False) -> ExactMotion:
     """Compute the exact motion near an approximate one.
 
-    Parameters
-    ----------
-    equations : Equations
-        The equations of the system.
-    approximation : Approximation
-        Fourier coefficients and contact instants of the approximate motion.
-    Omega : float
-        Frequency of the excitation.
-    free : bool, optional
-        Whether Omega may change. The motion is then the nearest one in instants, states and Omega, each relative to its
-        size. The default is False.
-
-    Returns
-    -------
-    ExactMotion
-        The motion with its multipliers.
+    If Omega is ``free``, the motion is the nearest one in instants, states and Omega, each relative to its size.
 
     Raises
     ------

@@ -20,8 +20,8 @@ from hbgear.mechanics.laws.laws import Law, Parallel
 from hbgear.mechanics.models import System
 
 
-def refine_motion(problem: Any, X: Array, parameters: Mapping[str, float]) -> ExactMotion:
-    """Compute the exact motion at the same parameters, near a solution of harmonic balance.
+def refine_motion(problem: Any, X: Array, parameters: Mapping[str, float], free: bool = False) -> ExactMotion:
+    """Compute the exact motion near a solution of harmonic balance.
 
     Parameters
     ----------
@@ -31,6 +31,9 @@ def refine_motion(problem: Any, X: Array, parameters: Mapping[str, float]) -> Ex
         Unknowns of the solution.
     parameters : dict of str to float
         Omega, and the parameters of the model that differ from its own.
+    free : bool, optional
+        Whether Omega may change: close to a fold that truncation has displaced there is no exact motion at the same
+        Omega. False by default.
 
     Returns
     -------
@@ -42,8 +45,7 @@ def refine_motion(problem: Any, X: Array, parameters: Mapping[str, float]) -> Ex
     NotPiecewiseLinear
         If a law of the model is not piecewise linear, or the structure is too large.
     NoConvergence
-        If Newton's method does not converge. Close to a fold there may be no motion at this Omega; see
-        `refine_near_fold`.
+        If Newton's method does not converge.
 
     Examples
     --------
@@ -56,16 +58,8 @@ def refine_motion(problem: Any, X: Array, parameters: Mapping[str, float]) -> Ex
     >>> len(exact.instants), bool(exact.residual < 1e-10), bool(exact.distance < 1e-2)
     (2, True, True)
     """
-    return _refine(problem, X, parameters, free=False)
-
-
-def refine_near_fold(problem: Any, X: Array, parameters: Mapping[str, float]) -> ExactMotion:
-    """Compute the exact motion nearest to a solution of harmonic balance, at a free Omega.
-
-    Close to a fold that truncation has displaced there is no exact motion at the same Omega. Parameters and exceptions
-    are the same as in `refine_motion`.
-    """
-    return _refine(problem, X, parameters, free=True)
+    equations, approximation = _approximation(problem, X, parameters)
+    return refine(equations, approximation, float(parameters["Omega"]), free)
 
 
 def exact_iterate(
@@ -85,23 +79,8 @@ def iterate_by_stiffness(balance: Callable[[System], Any], system: System, nu: i
 
     Truncation may change the number of hard contacts, so that no exact motion is near the solution of harmonic balance.
     The forces of all elements are divided by powers of `SOFTENING` until an exact motion is found. They are increased
-    to the forces of the system in steps, each with Newton's method from the instants of the step before.
-
-    Parameters
-    ----------
-    balance : callable
-        Returns the harmonic balance of a system.
-    system : System
-        The system.
-    nu : int
-        Subharmonic order.
-    Omega : float
-        Frequency of the excitation.
-
-    Returns
-    -------
-    Iterate
-        Contact instants and states.
+    to the forces of the system in steps, each with Newton's method from the instants of the step before. ``balance``
+    returns the harmonic balance of a system.
 
     Raises
     ------
@@ -155,12 +134,6 @@ SOFTENING, MAX_SOFTENINGS = 10.0, 4
 
 STIFFNESS_RATIO, MIN_STIFFNESS_RATIO, MAX_STIFFNESS_RATIO = 2.0, 1.01, 4.0
 """First, smallest and largest ratio of the forces of all elements in a step of the continuation in stiffness."""
-
-
-def _refine(problem: Any, X: Array, parameters: Mapping[str, float], free: bool) -> ExactMotion:
-    """Compute the exact motion from the switching times of a solution, at its Omega or at a free one."""
-    equations, approximation = _approximation(problem, X, parameters)
-    return refine(equations, approximation, float(parameters["Omega"]), free)
 
 
 def _approximation(problem: Any, X: Array, parameters: Mapping[str, float]) -> tuple[Equations, Approximation]:

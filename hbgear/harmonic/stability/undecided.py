@@ -22,7 +22,7 @@ from hbgear.continuation.results.stability import STABILITY_TOLERANCE
 from hbgear.continuation.solvers.newton import SEARCH_ERRORS, SOLVER_ERRORS, NoConvergence, solve
 from hbgear.harmonic.instants.equations import NotPiecewiseLinear
 from hbgear.harmonic.multipliers.multiplier_error import count_beyond, difference_of, estimate_multiplier_error
-from hbgear.harmonic.stability.exact_motion import refine_motion, refine_near_fold
+from hbgear.harmonic.stability.exact_motion import refine_motion
 from hbgear.harmonic.stability.parity import Parity
 from hbgear.harmonic.stability.second_set import second_set
 
@@ -142,7 +142,7 @@ class UndecidedPoint:
                 self.work.verifies(states, FAILED_MOTION_COST)
                 if self.name != "Omega":
                     return None
-                exact = refine_near_fold(problem, X, self.parameters)
+                exact = refine_motion(problem, X, self.parameters, free=True)
         except (*SOLVER_ERRORS, NotPiecewiseLinear):
             return None
         if exact.distance > MAX_EXACT_DISTANCE:
