@@ -6,6 +6,7 @@ x(theta) = a0 + sum_{k=1..H} a_k cos(k theta) + b_k sin(k theta),   theta = tau 
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -38,8 +39,37 @@ def element_index(elements: Sequence[str], element: int | str) -> int:
     raise KeyError(f"no element {element!r}; choose one of {', '.join(map(repr, elements))}, or its index from 0")
 
 
+class ElementLayout:
+    """Base class of the layouts of motions of elements."""
+
+    elements: tuple[str, ...]
+
+    @abstractmethod
+    def rows(self, X: Array, element: int | str) -> Array:
+        """Return the unknowns of an element."""
+
+    @abstractmethod
+    def measure_rows(self, name: str, rows: Array) -> Array:
+        """Return a measure of the unknowns of one element."""
+
+    def index(self, element: int | str) -> int:
+        """Return the index of an element given by index or name; the KeyError lists the elements."""
+        return element_index(self.elements, element)
+
+    def measure(self, name: str, X: Array, element: int | str = 0) -> Array:
+        """Return a measure of an element, for X of shape (..., n)."""
+        return self.measure_rows(name, self.rows(X, element))
+
+    def problem_of(self, meta: Mapping[str, Any]) -> Any:
+        """Return the problem that the header of a file describes; None for a model outside hbgear."""
+        try:
+            return call("hbgear.harmonic.models.model_registry.rebuild_traced_problem", meta)
+        except (KeyError, TypeError, ValueError):
+            return None
+
+
 @dataclass(frozen=True)
-class Layout:
+class Layout(ElementLayout):
     """Meaning of the unknowns X of a harmonic balance.
 
     Attributes
@@ -88,10 +118,6 @@ class Layout:
         """Return whether a regime code of element j has a meaning: its law has contacts or friction."""
         return code >= STICK_REGIME or (code >= 0 and bool(self.breakpoints[j] or j in self.edged))
 
-    def index(self, element: int | str) -> int:
-        """Return the index of an element given by index or name; the KeyError lists the elements."""
-        return element_index(self.elements, element)
-
     def rows(self, X: Array, element: int | str) -> Array:
         """Return the coefficients ``(..., 2H + 1)`` of an element; zero for harmonics that X does not contain."""
         return self.spread(X)[..., self.index(element), :]
@@ -102,10 +128,6 @@ class Layout:
             return X.reshape(*X.shape[:-1], len(self.elements), -1)
         return spread(X, len(self.elements), np.array([0, *self.orders]), self.harmonics)
 
-    def measure(self, name: str, X: Array, element: int | str = 0) -> Array:
-        """Return a measure of an element, for X of shape (..., n)."""
-        return self.measure_rows(name, self.rows(X, element))
-
     def check_measure(self, name: str, element: int | str = 0) -> None:
         """Raise an error for the name of an unknown measure or element, as `measure` does."""
         self.index(element)
@@ -114,13 +136,6 @@ class Layout:
     def measure_rows(self, name: str, rows: Array) -> Array:
         """Return a measure for coefficients (..., 2H + 1) of one element."""
         return measure(name, rows, self.nu)
-
-    def problem_of(self, meta: Mapping[str, Any]) -> Any:
-        """Return the problem that the header of a file describes; None for a model outside hbgear."""
-        try:
-            return call("hbgear.harmonic.models.model_registry.rebuild_traced_problem", meta)
-        except (KeyError, TypeError, ValueError):
-            return None
 
     def distance(self, X: Array, other: Layout, Y: Array) -> float:
         """Return the distance of two motions, independent of their phases: rms of the differences of amplitudes.
@@ -152,16 +167,5 @@ class Layout:
 
 
 def layout_of(source: Branch | Point) -> Layout | None:
-    """Return the layout of a curve or a point.
-
-    Parameters
-    ----------
-    source : Branch or Point
-        Curve or point.
-
-    Returns
-    -------
-    Layout or None
-        The layout; None if the unknowns are not coefficients of periodic motions.
-    """
+    """Return the layout of a curve or a point; None if the unknowns are not coefficients of periodic motions."""
     return source.layout if isinstance(source.layout, Layout) else None

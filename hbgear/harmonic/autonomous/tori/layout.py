@@ -9,21 +9,19 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
-from hbgear.common.facade import call
 from hbgear.harmonic.autonomous.tori.basis import TorusBasis
-from hbgear.harmonic.equations.layout import element_index
+from hbgear.harmonic.equations.layout import ElementLayout
 
 SECOND = "Omega_2"
 """Name of the second frequency."""
 
 
 @dataclass(frozen=True)
-class TorusLayout:
+class TorusLayout(ElementLayout):
     """Meaning of the unknowns of a torus.
 
     Attributes
@@ -73,17 +71,9 @@ class TorusLayout:
         """Names of the regime codes."""
         return ("quasi-periodic",)
 
-    def index(self, element: int | str) -> int:
-        """Return the index of an element, given by index or name."""
-        return element_index(self.elements, element)
-
     def rows(self, X: Array, element: int | str) -> Array:
         """Return the unknowns (..., 2K - 1) of an element."""
         return X.reshape(*X.shape[:-1], len(self.elements), -1)[..., self.index(element), :]
-
-    def measure(self, name: str, X: Array, element: int | str = 0) -> Array:
-        """Return a measure of an element: "rms", "pp2", "max" or "mean"."""
-        return self.measure_rows(name, self.rows(X, element))
 
     def check_measure(self, name: str, element: int | str = 0) -> None:
         """Raise an error for the name of an unknown measure or element."""
@@ -108,13 +98,6 @@ class TorusLayout:
         """Return the unknowns of a derivative in time, for rows (P, 2K - 1) and frequencies (P,)."""
         omega = np.stack([parameters["Omega"] / self.nu, parameters["Omega_2"]], axis=-1)
         return self.basis.to_real(self.basis.to_complex(rows) * (1j * (omega @ self.basis.k.T)) ** order)
-
-    def problem_of(self, meta: Mapping[str, Any]) -> Any:
-        """Return the problem of tori that the header of a file describes; None for a model outside hbgear."""
-        try:
-            return call("hbgear.harmonic.models.model_registry.rebuild_problem", meta)
-        except (KeyError, TypeError, ValueError):
-            return None
 
     def spectrum_end(self, X: Array) -> float:
         """Return the norm of the outermost coefficients of both phases over the norm of the modulation.
