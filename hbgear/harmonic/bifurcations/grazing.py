@@ -86,18 +86,6 @@ class GrazingEvent(ThresholdEvent):
     kind, meaning, marker = "GR", "grazing contact: the impact regime changes", "x"
     problems = (GrazingProblem, EdgeProblem)
 
-    def find(self, segment: Segment) -> list[LocatedEvent]:
-        located: list[LocatedEvent] = []
-        for event in self.zeros(segment):
-            simultaneous = next((j for j, earlier in enumerate(located) if abs(earlier.s - event.s) < 1e-6), None)
-            if simultaneous is None:
-                located.append(event)
-            else:
-                located[simultaneous] = replace(
-                    located[simultaneous], note=f"{located[simultaneous].note}, {event.note}"
-                )
-        return located
-
     def ahead(self, segment: Segment) -> LocatedEvent | None:
         """Return the contact that the clearances at both ends approach, by Newton's method from the end."""
         clearances = monitored_values((segment.a, segment.b), "clearance")

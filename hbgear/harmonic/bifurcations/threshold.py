@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -29,6 +30,9 @@ from hbgear.continuation.solvers.newton import SOLVER_ERRORS
 
 SIMULTANEOUS_THRESHOLD = 1e-7
 """Distance from a threshold, relative to the motion, up to which another one is reached at the same point."""
+
+SAME_POINT_FRACTION = 1e-6
+"""Fraction of a segment up to which several thresholds are reached at the same point."""
 
 CORNER_DISTANCE = 1e-9
 """Distance from a threshold, relative to the motion, up to which a fold lies at it, a corner of the curve; such folds
@@ -84,19 +88,8 @@ class ThresholdProblem(MinimallyAugmentedProblem):
     def following(self, rows: Array, slope: Array) -> Array:
         """Return changes of a motion by which it can follow its thresholds, rows (D, m, 2K - 1); by default its scale.
 
-        If displacements and threshold change by the same factor, contact and slip do not change anywhere.
-
-        Parameters
-        ----------
-        rows : ndarray, shape (m, 2K - 1)
-            The motion.
-        slope : ndarray, shape (m, 2K - 1)
-            Derivative of the distance from the threshold.
-
-        Returns
-        -------
-        ndarray
-            The changes.
+        If displacements and threshold change by the same factor, contact and slip do not change anywhere. The motion
+        and the derivative ``slope`` of the distance are rows (m, 2K - 1).
         """
         return np.where(np.any(slope, axis=1, keepdims=True), rows, 0.0)[None]
 
@@ -148,21 +141,10 @@ class ThresholdProblem(MinimallyAugmentedProblem):
         return _padded(np.tensordot(factors, directions, 1), len(X))
 
     def direction(self, U: Array, **parameters: float) -> int:
-        """Return the direction of a sweep that reaches a corner at which the curve turns back.
+        """Return the direction of a sweep that reaches a corner (X, p) at which the curve turns back.
 
-        The curve beyond the threshold has dX/dp = -(dR/dX)^-1 dR/dp, and is on the side of the corner on which g > 0.
-
-        Parameters
-        ----------
-        U : ndarray, shape (n + 1,)
-            Unknowns (X, p) of the corner.
-        **parameters
-            Values of the other parameters.
-
-        Returns
-        -------
-        int
-            +1 if solutions exist below the corner only, -1 if above; see `FoldProblem.direction`.
+        +1 if solutions exist below the corner only, -1 if above; see `FoldProblem.direction`. The curve beyond the
+        threshold has dX/dp = -(dR/dX)^-1 dR/dp, and is on the side of the corner on which g > 0.
         """
         X, tracked = self.solution_of(U)
         values = {**parameters, **tracked}
@@ -205,8 +187,19 @@ class ThresholdEvent(BuiltInEvent):
         distances = [values for values in monitored if values is not None]
         return np.concatenate(distances, axis=1) if distances else np.zeros((len(points), 0))
 
-    def zeros(self, segment: Segment) -> Iterator[LocatedEvent]:
-        """Locate the zeros of all distances on a segment."""
+    def find(self, segment: Segment) -> list[LocatedEvent]:
+        """Locate the zeros of all distances on a segment; the note of an event names all that lie at the same point."""
+        located: list[LocatedEvent] = []
+        for event in self._zeros(segment):
+            for i, earlier in enumerate(located):
+                if abs(earlier.s - event.s) < SAME_POINT_FRACTION:
+                    located[i] = replace(earlier, note=f"{earlier.note}, {event.note}")
+                    break
+            else:
+                located.append(event)
+        return located
+
+    def _zeros(self, segment: Segment) -> Iterator[LocatedEvent]:
         for kind in self.problems:
             distances = monitored_values((segment.a, segment.b), kind.quantity)
             if distances is not None:
