@@ -38,6 +38,20 @@ def find_motion(problem: Any, parameters: dict[str, float]) -> Array:
     NoConvergence
         If Newton converges from none of these guesses.
     """
+    try:
+        return _solution_from_guesses(problem, parameters)
+    except NoConvergence:
+        with suppress(NoConvergence):
+            return from_damped(problem, parameters).X
+        # a fold may end the motions near these guesses; at another frequency they can be close to a motion
+        X = continue_from_nearby_frequency(problem, parameters)
+        if X is None:
+            raise
+        return X
+
+
+def _solution_from_guesses(problem: Any, parameters: dict[str, float]) -> Array:
+    """Return the solution from the first initial guess from which Newton's method converges; else raise its error."""
     failure: NoConvergence | None = None
     for guess in initial_guesses(problem.compiled(parameters), parameters["Omega"]):
         try:
@@ -45,13 +59,7 @@ def find_motion(problem: Any, parameters: dict[str, float]) -> Array:
         except NoConvergence as error:
             failure = failure or error
     assert failure is not None
-    with suppress(NoConvergence):
-        return from_damped(problem, parameters).X
-    # a fold may end the motions near these guesses; at another frequency they can be close to a motion
-    X = continue_from_nearby_frequency(problem, parameters)
-    if X is None:
-        raise failure
-    return X
+    raise failure
 
 
 def initial_guesses(compiled: Evaluator, Omega: float) -> Iterator[Array]:
@@ -130,8 +138,9 @@ def continue_from_nearby_frequency(problem: Any, parameters: dict[str, float]) -
     Omega = parameters["Omega"]
     fixed = {name: value for name, value in parameters.items() if name != "Omega"}
     for nearby_Omega in (Omega * factor for factor in _FREQUENCY_FACTORS):
-        X = _solution_from_guesses(problem, {**parameters, "Omega": nearby_Omega})
-        if X is None:
+        try:
+            X = _solution_from_guesses(problem, {**parameters, "Omega": nearby_Omega})
+        except NoConvergence:
             continue
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # warnings about the auxiliary branch are of no use
@@ -140,12 +149,4 @@ def continue_from_nearby_frequency(problem: Any, parameters: dict[str, float]) -
         if curve.values[-1] == Omega:
             with suppress(NoConvergence):  # with the harmonics of the problem
                 return solve(problem, problem.from_point(curve[-1]), parameters).X
-    return None
-
-
-def _solution_from_guesses(problem: Any, parameters: dict[str, float]) -> Array | None:
-    """Return the solution from the first initial guess from which Newton's method converges; None without one."""
-    for guess in initial_guesses(problem.compiled(parameters), parameters["Omega"]):
-        with suppress(NoConvergence):
-            return solve(problem, guess, parameters).X
     return None

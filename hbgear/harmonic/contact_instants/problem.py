@@ -50,7 +50,8 @@ from hbgear.harmonic.instants.pattern import InconsistentPatternError
 from hbgear.harmonic.instants.refine import ExactMotion, exact_motion_of, solve
 from hbgear.harmonic.instants.results import build_exact_branch
 from hbgear.harmonic.instants.sampling import coefficients, sample_gaps
-from hbgear.harmonic.instants.shooting import Iterate
+from hbgear.harmonic.instants.shooting import Iterate, monodromy_matrix, multipliers_of
+from hbgear.harmonic.instants.shooting import linearise as linearise_switches
 from hbgear.harmonic.instants.special_points.grazing import Grazing
 from hbgear.harmonic.stability.exact_motion import exact_iterate, iterate_by_stiffness
 from hbgear.mechanics.models import Model
@@ -172,7 +173,7 @@ class ContactInstants(HarmonicBalance):
         self, X: Array, points: int | None = None, max_step: float | None = None, **parameters: float
     ) -> ComplexArray:
         """Return the multipliers of the exact motion near X, largest first; ``points`` and ``max_step`` are unused."""
-        return self.exact_motion(X, **parameters).multipliers
+        return multipliers_of(monodromy_matrix(linearise_switches(*self._exact_iterate(X, parameters))))
 
     def _exact_iterate(self, X: Array, parameters: Mapping[str, float]) -> tuple[EquationsAt, Iterate]:
         """Return the equations at the parameters, and the contact instants of the exact motion near X."""
@@ -267,10 +268,11 @@ class ContactInstants(HarmonicBalance):
     def observe(self, X: Array, stability: bool = True, **parameters: float) -> dict[str, Any]:
         """Return multipliers, regime, instants and rms of the harmonics above H of the exact motion near X."""
         ode, iterate = self._exact_iterate(X, parameters)
-        exact = exact_motion_of(ode, iterate, sample_gaps(ode, iterate)[0], 0.0)
         regime, error = regime_of(iterate.pattern, ode.equations.m), coefficients(ode, iterate, self.H)[1]
-        observed: dict[str, Any] = {"regime": regime, "instants": exact.instants, "error": error}
-        return observed | ({"multipliers": exact.multipliers} if stability else {})
+        observed: dict[str, Any] = {"regime": regime, "instants": np.sort(iterate.tau % ode.period), "error": error}
+        if stability:
+            observed["multipliers"] = multipliers_of(monodromy_matrix(linearise_switches(ode, iterate)))
+        return observed
 
     def observe_many(
         self, X: Array, name: str, values: Array, stability: bool = True, **parameters: float

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -86,6 +87,14 @@ class ModelCache:
 
     # ---- related caches
 
+    def _changed(self, systems: int = MODEL_SETS, **changes: Any) -> ModelCache:
+        """Return a cache with changed attributes, for a number of systems, which computes them again."""
+        out = copy.copy(self)
+        vars(out).update(changes)
+        out._forget_systems(systems)
+        out._forget_evaluators()
+        return out
+
     def at(self, discretization: Discretization) -> ModelCache:
         """Return a cache of evaluators with another discretization, which shares models, systems and structures."""
         out = copy.copy(self)
@@ -95,11 +104,7 @@ class ModelCache:
 
     def with_size(self, sets: int) -> ModelCache:
         """Return a cache that keeps this number of parameter sets."""
-        out = copy.copy(self)
-        out.sets, out._models = sets, LRUCache(sets)
-        out._forget_systems(sets)
-        out._forget_evaluators()
-        return out
+        return self._changed(sets, sets=sets, _models=LRUCache(sets))
 
     def expanded(self, parameters: Mapping[str, float], sets: int) -> ModelCache:
         """Return a cache whose structures are expanded to first order about the one at these parameters."""
@@ -109,19 +114,11 @@ class ModelCache:
 
     def reduced_up_to(self, Omega: float | None) -> ModelCache:
         """Return a cache of reduced structures for frequencies up to Omega, or of the whole ones for None."""
-        out = copy.copy(self)
-        out.reduced_for = Omega
-        out._forget_systems(MODEL_SETS)
-        out._forget_evaluators()
-        return out
+        return self._changed(reduced_for=Omega)
 
     def of_model(self, model: Model) -> ModelCache:
         """Return a cache of another model with the same parameters."""
-        out = copy.copy(self)
-        out.model, out._models = model, LRUCache(MODEL_SETS)
-        out._forget_systems(MODEL_SETS)
-        out._forget_evaluators()
-        return out
+        return self._changed(model=model, _models=LRUCache(MODEL_SETS))
 
     @property
     def is_expanded(self) -> bool:

@@ -58,19 +58,9 @@ class Difference(NamedTuple):
 
 
 def count_beyond(multipliers: ComplexArray, margin: float = 0.0) -> NDArray[np.int_]:
-    """Return the number of multipliers beyond the unit circle.
+    """Return the numbers (..., 3) of multipliers (..., r) beyond the unit circle by more than a margin.
 
-    Parameters
-    ----------
-    multipliers : array_like, shape (..., r)
-        Complex multipliers.
-    margin : float, optional
-        Distance outside the circle up to which a multiplier counts as on it. The default is 0.
-
-    Returns
-    -------
-    ndarray, shape (..., 3)
-        Integers: real multipliers above +1, real multipliers below -1, complex multipliers outside the circle.
+    They are real multipliers above +1, real multipliers below -1, and complex multipliers outside the circle.
 
     Examples
     --------
@@ -147,16 +137,6 @@ def min_deciding_residual(mu: ComplexArray) -> Array:
     outer = np.where(outside, needed, 0.0).max(axis=1, initial=0.0)
     smallest: Array = np.where(outside.any(axis=1), outer, inner)
     return smallest
-
-
-def may_reach(mu: ComplexArray, residual: Array) -> NDArray[np.bool_]:
-    """Return whether residuals (k,) may change the stability of multipliers mu (k, r); see `min_deciding_residual`."""
-    gap = np.where(_decisive(mu), np.abs(np.abs(mu) - 1.0), np.inf).min(axis=1, initial=np.inf)
-    out: NDArray[np.bool_] = residual >= np.minimum(gap * gap, gap)  # needs no distances of neighbours
-    selected = np.flatnonzero(out)
-    if selected.size:
-        out[selected] = residual[selected] >= min_deciding_residual(mu[selected])
-    return out
 
 
 def largest_shift(residual: Any, distance: Any) -> Array:

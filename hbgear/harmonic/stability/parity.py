@@ -71,10 +71,6 @@ class Parity:
             flagged[:] = False
         return flagged
 
-    def expected(self, sign: int) -> int:
-        """Return +1 for an even number of real multipliers above +1, -1 for an odd one, 0 for an unknown sign."""
-        return self.constant * sign
-
     def agrees(
         self, problem: Any, X: Array, parameters: Mapping[str, float], multipliers: ComplexArray, expected: int = 0
     ) -> bool:

@@ -44,7 +44,7 @@ from hbgear.harmonic.multipliers.multiplier_error import (
     Difference,
     difference_of,
     estimate_multiplier_error,
-    may_reach,
+    min_deciding_residual,
 )
 from hbgear.harmonic.stability.parity import Parity
 from hbgear.harmonic.stability.second_set import second_set
@@ -97,7 +97,7 @@ def verify_multipliers(
     regime = np.array([observed[i]["regime"] for i in computed.tolist()])
     intervals = _shortest_intervals(problem, X[computed], regime, {**parameters, name: float(values[computed[0]])})
     flagged |= _is_hard(problem, intervals, name, values[computed], parameters, multipliers)
-    reachable = may_reach(multipliers, MAX_SENSITIVITY * relative_errors) | flagged
+    reachable = (MAX_SENSITIVITY * relative_errors >= min_deciding_residual(multipliers)) | flagged
     if not reachable.any():
         return
     selected, multipliers, flagged = computed[reachable], multipliers[reachable], flagged[reachable]
@@ -117,7 +117,7 @@ def verify_multipliers(
         i = int(selected[k])
         point_parameters = {**parameters, name: float(values[i])}
         stability = Stability(multipliers[k], float(errors[k]), not flagged[k])
-        expected = parity.expected(int(observed[i].get("determinant", 0)))
+        expected = parity.constant * int(observed[i].get("determinant", 0))
         resolved = not is_under_resolved(problem, X[i], observed[i]["error"])
         point = UndecidedPoint(name, point_parameters, stability, expected, work)
         stability = point.refined(problem, X[i], bool(uncertain[k]) and resolved)
