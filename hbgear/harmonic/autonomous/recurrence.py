@@ -48,14 +48,7 @@ class SampledMotion(Protocol):
 
 
 def repeated_motion(motion: SampledMotion, harmonics: int) -> tuple[float, Array]:
-    """Return the frequency and the real coefficients (m, 2H + 1) of the motion in its last period.
-
-    Parameters
-    ----------
-    motion : SampledMotion
-        Motion that ends close to a limit cycle, as of `hbgear.time.integrate`.
-    harmonics : int
-        H, number of harmonics.
+    """Return the frequency and the real coefficients (m, 2H + 1) of the last period of a motion close to a limit cycle.
 
     Raises
     ------

@@ -92,25 +92,9 @@ class CodimensionTwoEvent(BuiltInEvent):
 
 
 def hill_matrices(balance: Any, X: Array, parameters: Mapping[str, float], unknowns: Array) -> tuple[Array, Array]:
-    """Return Hill's determinant D(0) and its derivative in the exponent, for real coefficients.
+    """Return Hill's determinant D(0) and its derivative in the exponent, (k, k) each, for real coefficients.
 
-    Parameters
-    ----------
-    balance : HarmonicBalance
-        Equations of the motion.
-    X : ndarray, shape (n,)
-        Motion.
-    parameters : mapping of str to float
-        All parameters.
-    unknowns : ndarray of int, shape (k,)
-        Unknowns of the disturbance.
-
-    Returns
-    -------
-    D : ndarray, shape (k, k)
-        The determinant's matrix.
-    D_s : ndarray, shape (k, k)
-        Its derivative.
+    The disturbance of a motion X (n,) has the given unknowns (k,).
     """
     hill = CondensedHillMatrix.of(balance.compiled(parameters), X, parameters["Omega"])
     G, dG = hill.receptances(0.0)
@@ -296,24 +280,10 @@ class GeneralisedDoublingEvent(CodimensionTwoEvent):
 
 
 def cubic_coefficient(problem: Any, X: Array, parameters: dict[str, float]) -> tuple[float, float]:
-    """Return the cubic coefficient of the doubled branch and a hundred times its rounding.
+    """Return the cubic coefficient of the doubled branch of a period doubling X (n,) and a hundred times its rounding.
 
     Its sign is that of the side on which the branch exists. Derivatives along v and h are differences of Jacobians of
     fourth order.
-
-    Parameters
-    ----------
-    problem : PeriodDoublingProblem
-        Equations of the period doubling.
-    X : ndarray, shape (n,)
-        Motion.
-    parameters : dict of str to float
-        All parameters.
-
-    Returns
-    -------
-    (float, float)
-        Coefficient and rounding.
     """
     doubled, embedded, odd, even = problem.doubled, problem.embed(X), problem.odd, problem.even
     w, v = np.zeros(len(embedded)), np.zeros(len(embedded))
@@ -385,18 +355,7 @@ def exponent_at(
 ) -> complex | None:
     """Return the exponent of the pair at a point of a curve of Neimark-Sacker points; None if the pair is real.
 
-    Parameters
-    ----------
-    problem : NeimarkSackerProblem or PairModulusProblem
-        Equations of the curve.
-    name : str
-        Parameter of the curve.
-    fixed : mapping of str to float
-        Values of the other parameters.
-    point : CurvePoint
-        Point.
-    near : complex or None
-        Exponent of a neighbouring point. By default that of the equations.
+    ``near`` is the exponent of a neighbouring point; None for that of the equations.
     """
     X, tracked = problem.split(point.X)
     equations = problem if near is None else type(problem)(problem.problem, problem.parameter, near)

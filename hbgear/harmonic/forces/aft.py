@@ -124,21 +124,10 @@ class SampledLaws:
         return to_real(one_sided(force[:, : H + 1])), T[0], T[1] if damped else None, prescribed
 
     def between_breakpoints(self, i: int, c: ComplexArray, rate: ComplexArray) -> Panels | None:
-        """Return panels between the crossings of breakpoints and the phases of a law; None without crossings.
+        """Return panels between the crossings of breakpoints and the phases of law i; None without crossings.
 
-        Intervals in which there is no force are left out.
-
-        Parameters
-        ----------
-        i : int
-            Index of the law.
-        c, rate : ndarray, shape (H + 1,)
-            One-sided coefficients of the displacement and of the velocity.
-
-        Returns
-        -------
-        Panels or None
-            The panels.
+        c and rate (H + 1,) are one-sided coefficients of the displacement and of the velocity. Intervals in which
+        there is no force are left out.
         """
         law, period = self.laws[i], 2 * np.pi
         crossings = np.concatenate([roots_of(c, level) for level in law.breakpoints])
@@ -250,20 +239,7 @@ class SampledVectorLaws:
 
 
 def roots_of(c: ComplexArray, level: float = 0.0) -> Array:
-    """Return the phases in [0, 2 pi], ascending, at which a motion crosses a level.
-
-    Parameters
-    ----------
-    c : ndarray, shape (H + 1,)
-        One-sided coefficients of the motion.
-    level : float, optional
-        The level. The default is 0.
-
-    Returns
-    -------
-    ndarray
-        The phases.
-    """
+    """Return the phases in [0, 2 pi], ascending, at which a motion with coefficients c (H + 1,) crosses a level."""
     from hbgear.harmonic.forces.switching_times import crossings
 
     H = len(c) - 1
@@ -281,19 +257,7 @@ def _has_continuous_slopes(law: VectorLaw) -> bool:
 def edge_crossings(law: VectorLaw, rows: Array, samples: Array) -> Array:
     """Return the angles theta in [0, 2 pi), ascending, at which a motion crosses an edge of a law.
 
-    Parameters
-    ----------
-    law : VectorLaw
-        The law.
-    rows : ndarray, shape (p, 2H + 1)
-        Real Fourier coefficients of the displacements.
-    samples : ndarray, shape (p, N)
-        Samples of the displacements. An edge may be crossed twice between two of them.
-
-    Returns
-    -------
-    ndarray
-        The angles.
+    The motion has rows (p, 2H + 1) and samples (p, N). An edge may be crossed twice between two samples.
     """
     step, roots = 2 * np.pi / samples.shape[1], []
     for index, e in enumerate(law.edges(samples)):

@@ -100,27 +100,8 @@ def piecewise_excitation(
 ) -> PiecewiseExcitation:
     """Return the piecewise polynomials of the elements of a model and of the springs of their laws.
 
-    Parameters
-    ----------
-    elements : sequence of Element
-        Elements of the model.
-    packing : Packing
-        Table of their laws.
-    H : int
-        Harmonic truncation order.
-    nu : int
-        Subharmonic order.
-    N : int
-        Number of samples of `PiecewiseExcitation.grid`; 0 if no law is sampled.
-    orders : ndarray
-        Basis harmonics up to H that are unknowns.
-    truncated_orders : ndarray
-        Truncated basis harmonics up to 2H.
-
-    Returns
-    -------
-    PiecewiseExcitation
-        Piecewise polynomials; empty for a model without breakpoints.
+    N is the number of samples of `PiecewiseExcitation.grid`, 0 if no law is sampled; ``orders`` are the basis harmonics
+    up to H that are unknowns, ``truncated_orders`` the others up to 2H.
     """
     phases = [x for element in elements for x in (*_phases(element.law), *element.displacement.corners)]
     if not phases and not packing.levels:
@@ -281,25 +262,9 @@ def _without_breakpoints(m: int, S: int, H: int, truncated_count: int) -> Piecew
 
 
 def known_gap(displacement: Phased, retained: ComplexArray, nu: int, theta: Array, order: int = 0) -> Array:
-    """Return the known part of the gap of an element, e up to harmonic H minus e, or a derivative in theta.
+    """Return the known part of the gap of an element at basis phases, or a derivative in theta.
 
-    Parameters
-    ----------
-    displacement : Phased
-        Prescribed displacement e.
-    retained : ndarray, shape (H + 1,)
-        One-sided harmonics of e.
-    nu : int
-        Subharmonic order.
-    theta : ndarray
-        Phases of the basis period [rad].
-    order : int, optional
-        Order of the derivative. The default is 0.
-
-    Returns
-    -------
-    ndarray
-        Value at each phase.
+    It is the prescribed displacement e up to harmonic H, with one-sided harmonics ``retained`` (H + 1,), minus e.
     """
     low_part = evaluate(to_real(retained), theta, order)
     out: Array = low_part - nu**order * displacement(nu * theta, order)

@@ -107,22 +107,7 @@ class DampedContacts:
 
 
 def intervals(contact: DampedContact, row: Array, omega: float) -> Intervals:
-    """Return the intervals in which a contact acts.
-
-    Parameters
-    ----------
-    contact : DampedContact
-        The contact.
-    row : ndarray, shape (2H + 1,)
-        Coefficients of the displacement of the element.
-    omega : float
-        Frequency of the basis.
-
-    Returns
-    -------
-    Intervals
-        Their ends to rounding.
-    """
+    """Return the intervals in which a contact acts, to rounding, from the row (2H + 1,) of the displacement."""
     c = contact.side * to_complex(row)
     c[0] -= contact.gap
     roots = roots_of(c)

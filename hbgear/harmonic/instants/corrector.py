@@ -146,18 +146,7 @@ def parameter_column(equations: Family, state: CurveState, value: float) -> Arra
 def correct(
     family: Family, state: CurveState, row: Array, scale: Array
 ) -> tuple[CurveState, Linearisation, Array, int]:
-    """Solve F = 0 in the plane through a state across ``row``, which refers to scaled unknowns.
-
-    Returns
-    -------
-    (CurveState, Linearisation, ndarray, int)
-        The solution, the linearised equations and [F_u F_p] there, and the number of iterations.
-
-    Raises
-    ------
-    NoConvergence
-        If Newton's method does not converge.
-    """
+    """Solve F = 0 in the plane through a state across ``row`` in scaled unknowns, see `solve_in_plane`."""
     z, linearised, J, iterations = solve_in_plane(lambda p: family(float(p[0])), state, state.z, row[None], scale)
     return state.with_z(z), linearised, J, iterations
 

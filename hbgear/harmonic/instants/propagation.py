@@ -44,20 +44,9 @@ def taylor_steps(flow: Flow, h: float) -> int:
 
 
 def varying_states(flow: Flow, tau: float, h: float, steps: int, y: Array, offsets: Array) -> Array:
-    """Return the states (steps, G, N) at nodes of equal steps of an interval, with varying stiffness.
+    """Return the states (steps, G, N) at nodes of equal steps from tau to tau + h, with varying stiffness.
 
-    Parameters
-    ----------
-    flow : Flow
-        A flow with varying stiffness.
-    tau, h : float
-        Begin and duration of the interval.
-    steps : int
-        Number of steps, at least `taylor_steps`.
-    y : ndarray, shape (N,)
-        State at the begin.
-    offsets : ndarray, shape (G,)
-        Positions of the nodes in a step, 0 to 1.
+    y (N,) is the state at the begin; offsets (G,) are the positions of the nodes in a step, 0 to 1.
     """
     kappa = _stiffness_series(flow, tau, h, steps)
     states: Array = kernels.taylor_states(flow.A, flow.b, flow.r, kappa, h / steps, y, offsets)
@@ -81,18 +70,10 @@ class Segments(NamedTuple):
 
 
 def segments_of(A: Array, varying: Mapping[int, Flow], tau: Array, h: Array, y: Array) -> Segments:
-    """Return the growth of states y (K, N) from phases tau (K,) on, and its derivatives in both ends.
+    """Return the growth of states y (K, N) of segments of duration h (K,) from phases tau (K,) on, and its derivatives.
 
-    With constant stiffness all of it is computed without cancellation in short segments.
-
-    Parameters
-    ----------
-    A : ndarray, shape (K, N, N)
-        Matrices of the segments.
-    varying : mapping of int to Flow
-        Flows of varying stiffness, by the number of their segment.
-    tau, h, y : ndarray, shape (K,), (K,), (K, N)
-        Begins, durations and initial states of the segments.
+    A (K, N, N) are the matrices; ``varying`` has the flows of varying stiffness by the number of their segment. With
+    constant stiffness all of it is computed without cancellation in short segments.
     """
     segments = Segments(*kernels.constant_segments(A, h, y))
     for k, flow in varying.items():

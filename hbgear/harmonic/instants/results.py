@@ -30,31 +30,9 @@ def build_exact_branch(
     problem: Any, family: Family, name: str, fixed: dict[str, float], curve: ExactCurve, events: Mapping[str, Event],
     settings: dict[str, Any], stability: bool,
 ) -> Branch:  # fmt: skip
-    """Return the branch of a curve; X are the exact Fourier coefficients of the elements up to the harmonics of X.
+    """Return the branch of a curve, without jumps; X are the exact Fourier coefficients of the elements up to H.
 
-    Parameters
-    ----------
-    problem : ContactInstants
-        The problem of the branch.
-    family : callable
-        Equations at a value of the parameter.
-    name : str
-        Continuation parameter.
-    fixed : dict of str to float
-        Values of the other parameters.
-    curve : ExactCurve
-        Points and special points.
-    events : mapping of str to Event
-        Event of each kind of special point.
-    settings : dict
-        Settings of the trace, for the header of a file.
-    stability : bool
-        Whether multipliers are stored.
-
-    Returns
-    -------
-    Branch
-        The branch, without jumps.
+    ``events`` has the event of each kind of special point, ``settings`` those of the trace for the header of a file.
     """
     points = [
         _curve_point(problem, family, point, step, stability)

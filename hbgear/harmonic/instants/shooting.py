@@ -74,17 +74,7 @@ class Iterate:
 
 
 def linearise(ode: EquationsAt, iterate: Iterate, derivatives: bool = True) -> Linearisation:
-    """Return the residual of the equations at an iterate, its derivatives and the flows.
-
-    Parameters
-    ----------
-    ode : EquationsAt
-        Equations at one Omega.
-    iterate : Iterate
-        States and phases of the switches.
-    derivatives : bool, optional
-        Whether J is computed; if False it is empty. Default: True.
-    """
+    """Return the residual of the equations at an iterate, its ``derivatives`` J, empty without them, and the flows."""
     r, pattern, tau = ode.size, iterate.pattern, iterate.tau
     y = ode.extended_states(iterate.x, tau, pattern.sections)
     A, varying = ode.flows(pattern.contacts)

@@ -44,27 +44,8 @@ def resolved_steps(
     Gauss points of the parts are as dense as the samples of the balance (at most 1024 per excitation period), and the
     parts at most half of the step.
 
-    Parameters
-    ----------
-    compiled : Evaluator
-        Model at one parameter set.
-    rows : ndarray, shape (m, 2H + 1)
-        Motion.
-    omega : float
-        Frequency of the basis.
-    mobility : ndarray, shape (m,)
-        Inverse modal masses of the elements.
-    segments : ndarray, shape (S, 3)
-        First phase, length of the steps in radians, and number of steps of each segment.
-    points : int
-        Number of Gauss points of a step.
-
-    Returns
-    -------
-    segments : ndarray, shape (T, 3)
-        Segments with resolved steps.
-    first : list of int, length S
-        Number of the first new segment of each old one.
+    Segments (S, 3) have a first phase, the length of their steps in radians, and a number of steps. Return the resolved
+    segments (T, 3), and the number of the first new segment of each old one.
     """
     begin = np.concatenate([a + h * np.arange(n) for a, h, n in segments])
     width = np.repeat(segments[:, 1], segments[:, 2].astype(int))

@@ -95,26 +95,9 @@ def state_equations(system: System, M: Array, C: Array, K: Array, B: Array, T: A
 def massless_modes(
     system: System, M: Array, C: Array, K: Array, B: Array, T: Array
 ) -> tuple[ComplexArray, ComplexArray, ComplexArray, float]:
-    """Return the poles, their right and left vectors and the condition of the eigenvectors.
+    """Return the poles (N,), their right (n, N) and left vectors (N, n), and the condition of the eigenvectors.
 
-    Parameters
-    ----------
-    system : System
-        System, for the names in messages and the directions of the elements.
-    M, C, K : ndarray, shape (n, n)
-        Matrices with the reference springs and the dampers of the elements.
-    B, T : ndarray, shape (n, p)
-        Bases of the motions and of the equations without free motions.
-
-    Returns
-    -------
-    tuple
-        Poles (N,), right vectors (n, N), left vectors (N, n), condition.
-
-    Raises
-    ------
-    ValueError
-        If coordinates without mass cannot be eliminated.
+    Arguments and errors are the same as for `state_equations`, without free motions in the bases B and T.
     """
     equations = state_equations(system, M, C, K, B, T)
     n = len(equations.A) - len(equations.F)

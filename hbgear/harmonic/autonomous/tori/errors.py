@@ -24,22 +24,8 @@ def check_errors(
 ) -> None:  # fmt: skip
     """Replace ``"error"``, the size of the outermost coefficients, by the Newton step with twice the harmonics.
 
-    Some of successive tori are checked. Between them the ratio of both is interpolated.
-
-    Parameters
-    ----------
-    problem : TorusProblem
-        Problem of the tori.
-    X : ndarray, shape (P, n + 1)
-        Coefficients and second frequencies.
-    name : str
-        Parameter of the branch.
-    values : ndarray, shape (P,)
-        Its values.
-    observed : sequence of dict
-        Observed quantities of each torus.
-    parameters : mapping of str to float
-        The other parameters.
+    Some of successive tori X (P, n + 1) at values (P,) of a parameter are checked. Between them the ratio of both is
+    interpolated.
     """
     if not len(X) or 4 * problem.balance.m * problem.basis.width > 2 * MAX_CHECKED_UNKNOWNS:
         return

@@ -82,22 +82,7 @@ class Growth(NamedTuple):
 
 
 def growth_of(problem: Any, X: Array, parameters: Mapping[str, float]) -> Growth:
-    """Return the growth of disturbances of a torus.
-
-    Parameters
-    ----------
-    problem : TorusProblem
-        Problem of the torus.
-    X : ndarray, shape (n + 1,)
-        Coefficients and second frequency.
-    parameters : mapping of str to float
-        Omega and the parameters of the model.
-
-    Returns
-    -------
-    Growth
-        Rate, error and the reason if it is unknown.
-    """
+    """Return the growth of disturbances of a torus X (n + 1,), its coefficients and second frequency."""
     reason = obstacle(problem, parameters)
     if reason:
         return Growth(math.nan, math.nan, reason)
@@ -263,18 +248,7 @@ class _Step:
 
 
 def birkhoff_weights(count: int) -> Array:
-    """Return the weights (count,) of a weighted average, with the sum 1.
-
-    Parameters
-    ----------
-    count : int
-        Number of values.
-
-    Returns
-    -------
-    ndarray, shape (count,)
-        Weights exp(-1 / (t (1 - t))), t from 0 to 1.
-    """
+    """Return the weights (count,) of a weighted average, exp(-1 / (t (1 - t))) for t from 0 to 1, with the sum 1."""
     t = (np.arange(count) + 0.5) / count
     w = np.exp(-1.0 / (t * (1.0 - t)))
     out: Array = w / w.sum()

@@ -297,16 +297,8 @@ def hides_two_points(
     """Return whether multipliers pass -1, +1 or the unit circle and return between two points of one pattern.
 
     A step is searched if it is long, a multiplier is near -1 or +1 and det(P -+ 1) may bend to zero, or if a test
-    function that is extrapolated from the step before changes its sign in it.
-
-    Parameters
-    ----------
-    family : callable
-        Equations at a value of the parameter.
-    before, last, point : ExactPoint
-        Successive points; None if there is only one before the step.
-    step, length : float
-        Lengths of the step before and of the step.
+    function that is extrapolated from the step before changes its sign in it. The point ``before`` the last one is at
+    the distance ``step``, the next point at ``length``.
     """
     if last.state.pattern != point.state.pattern:
         return False

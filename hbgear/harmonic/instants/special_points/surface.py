@@ -106,18 +106,9 @@ class Surface:
     # ---- special points
 
     def test(self, kind: str, motion: SurfacePoint, scale: Array, grazing: Grazing | None) -> TestFunction:
-        """Return the test function of a kind of special points near a motion.
+        """Return the test function of a kind of special points, LP, PD, NS or GR, near a motion.
 
-        Parameters
-        ----------
-        kind : str
-            LP, PD, NS or GR.
-        motion : SurfacePoint
-            The motion, whose singular vectors are the borders of F_u at a fold.
-        scale : ndarray, shape (n + 2,)
-            Scales of w.
-        grazing : Grazing or None
-            The contact that grazes.
+        The singular vectors of the motion are the borders of F_u at a fold.
         """
         if grazing is not None:
             return lambda point: highest_point(self.family(point.second), point.state, grazing)[1]
