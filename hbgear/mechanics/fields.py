@@ -29,16 +29,6 @@ def kinds_of(cls: type) -> Mapping[str, Any]:
     """Return the types of the fields of a dataclass that ``__init__`` takes, in the form of `plain`.
 
     A type given as a string stays a string if its names are known only inside the function that defines the class.
-
-    Parameters
-    ----------
-    cls : type
-        Dataclass.
-
-    Returns
-    -------
-    mapping
-        Types by name.
     """
     try:
         field_types = typing.get_type_hints(cls, include_extras=True)
@@ -105,20 +95,7 @@ def entries_of(instance: object) -> dict[str, float]:
 
 
 def entries_among(cls: type, values: Mapping[str, Any]) -> list[str]:
-    """Return the names of the entries, such as ``eps[0]``, of tuples of numbers among given values.
-
-    Parameters
-    ----------
-    cls : type
-        Dataclass.
-    values : mapping
-        Values by name of field.
-
-    Returns
-    -------
-    list of str
-        The names.
-    """
+    """Return the names of the entries, such as ``eps[0]``, of tuples of numbers among given values by name of field."""
     fields = {name: values.get(name) for name in _tuple_fields_of(cls)}
     return [f"{name}[{i}]" for name, x in fields.items() if isinstance(x, list | tuple) for i in range(len(x))]
 
@@ -135,18 +112,6 @@ def _tuple_fields_of(cls: type) -> tuple[str, ...]:
 
 def with_entries(instance: object, changes: Mapping[str, Any]) -> dict[str, Any]:
     """Return changes of fields, in which changes of entries such as ``eps[0]`` are merged into their tuples.
-
-    Parameters
-    ----------
-    instance : object
-        Instance of a dataclass.
-    changes : mapping
-        New values by name of field or entry.
-
-    Returns
-    -------
-    dict
-        New values by name of field.
 
     Raises
     ------
@@ -190,20 +155,7 @@ def required_of(cls: type) -> tuple[str, ...]:
 
 
 def check_names(cls: type, names: typing.Iterable[str]) -> None:
-    """Raise KeyError for a name that is not a field.
-
-    Parameters
-    ----------
-    cls : type
-        Dataclass.
-    names : iterable of str
-        Names.
-
-    Raises
-    ------
-    KeyError
-        If a name is not a field.
-    """
+    """Raise KeyError for a name that is not a field of a dataclass."""
     for name in names:
         if name not in kinds_of(cls):
             raise KeyError(f"{cls.__name__} has no parameter '{name}'{did_you_mean(name, kinds_of(cls))}")
@@ -211,18 +163,6 @@ def check_names(cls: type, names: typing.Iterable[str]) -> None:
 
 def made(cls: type[_T], values: Mapping[str, Any]) -> _T:
     """Return an instance with given values of fields and entries, such as ``eps[0]``, and defaults of the other fields.
-
-    Parameters
-    ----------
-    cls : type
-        Dataclass.
-    values : mapping
-        Values by name of field or entry.
-
-    Returns
-    -------
-    object
-        The instance.
 
     Raises
     ------

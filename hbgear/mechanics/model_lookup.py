@@ -38,17 +38,9 @@ def installed() -> dict[str, EntryPoint]:
 
 
 def find_model_class(name: str) -> type[Model]:
-    """Return the class of models of a name; the code of its file, module or package is run.
+    """Return the class of models of FILE.py:NAME, MODULE:NAME or the name of an entry point.
 
-    Parameters
-    ----------
-    name : str
-        FILE.py:NAME, MODULE:NAME or the name of an entry point.
-
-    Returns
-    -------
-    type
-        The class.
+    The code of its file, module or package is run.
 
     Raises
     ------
@@ -86,19 +78,9 @@ def find_model_class(name: str) -> type[Model]:
 
 
 def reference_of(cls: type[Model]) -> str | type[Model]:
-    """Return a reference by which another process finds a class.
+    """Return a reference by which another process finds a class: FILE.py:NAME, or the class itself.
 
     A module that can be imported is found by its name; a file that the user named is not.
-
-    Parameters
-    ----------
-    cls : type
-        Class of models.
-
-    Returns
-    -------
-    str or type
-        FILE.py:NAME for a class of a file, else the class itself.
     """
     return f"{cls.__module__}:{cls.__qualname__}" if cls.__module__.endswith(".py") else cls
 

@@ -424,17 +424,9 @@ def describe(model: Model) -> dict[str, Any]:
 
 
 def differing_fields(stored: Mapping[str, Any], current: Mapping[str, Any]) -> list[str]:
-    """Return the names of the fields that differ between two descriptions by `describe`.
+    """Return the names of the fields that differ between two descriptions by `describe`, in order.
 
-    Parameters
-    ----------
-    stored, current : mapping
-        Description in a file, and that of a model.
-
-    Returns
-    -------
-    list of str
-        The names in order. Fields that one of the descriptions does not hold because they are not data do not differ.
+    Fields that one of the descriptions does not hold because they are not data do not differ.
     """
     not_data = {*(stored.get("left_out") or ()), *(current.get("left_out") or ())}
     names = {*stored["fields"], *current["fields"]} - not_data

@@ -54,13 +54,7 @@ class ImplausibleInputWarning(UserWarning):
 
 
 def warn(text: str) -> None:
-    """Issue an `ImplausibleInputWarning` at the line outside this package that led here.
-
-    Parameters
-    ----------
-    text : str
-        Message.
-    """
+    """Issue an `ImplausibleInputWarning` at the line outside this package that led here."""
     level = 2
     while sys._getframe(level - 1).f_globals.get("__name__", "").startswith("hbgear."):
         level += 1
@@ -68,17 +62,7 @@ def warn(text: str) -> None:
 
 
 def check_problem(model: Model, system: System, harmonics: int) -> None:
-    """Warn of a model, and of too few harmonics of the excitation, once when a problem is set up.
-
-    Parameters
-    ----------
-    model : Model
-        The model.
-    system : System
-        Its equations of motion.
-    harmonics : int
-        Number of harmonics of the excitation.
-    """
+    """Warn of a model, and of too few harmonics of the excitation, once when a problem is set up."""
     check_model(model, system)
     nonsmooth = [e.name for e in system.elements if e.law.breakpoints]
     if harmonics <= _TOO_FEW_HARMONICS and nonsmooth:
@@ -89,13 +73,7 @@ def check_problem(model: Model, system: System, harmonics: int) -> None:
 
 
 def check_size(system: System) -> None:
-    """Warn of a structure whose equations take long to set up, before that is done.
-
-    Parameters
-    ----------
-    system : System
-        Equations of motion.
-    """
+    """Warn of a structure whose equations take long to set up, before that is done."""
     if system.n >= _LARGE_SYSTEM_SIZE:
         dense = " (give M, C and K as scipy.sparse matrices)" if isinstance(system.K, np.ndarray) else ""
         warn(
@@ -105,15 +83,7 @@ def check_size(system: System) -> None:
 
 
 def check_model(model: Model, system: System) -> None:
-    """Warn of unusual field values, of matrices and laws that add energy, and of a model without excitation.
-
-    Parameters
-    ----------
-    model : Model
-        The model.
-    system : System
-        Its equations of motion.
-    """
+    """Warn of unusual field values, of matrices and laws that add energy, and of a model without excitation."""
     for name, usual in model.usual.items():
         _check_values(model, name, np.atleast_1d(np.asarray(getattr(model, name), dtype=float)), usual)
     _check_matrices(system)
@@ -190,15 +160,7 @@ def _is_excited(system: System) -> bool:
 
 
 def check_frequency(structure: Any, Omega: float) -> None:
-    """Warn of an Omega far above every natural frequency of a structure, which is probably in another unit.
-
-    Parameters
-    ----------
-    structure : LinearStructure
-        Structure with modes.
-    Omega : float
-        Excitation frequency.
-    """
+    """Warn of an Omega far above every natural frequency of a structure, which is probably in another unit."""
     if structure.modes is None or not structure.modes.poles.size:
         return
     highest = float(np.abs(structure.modes.poles).max())
@@ -212,12 +174,7 @@ def check_frequency(structure: Any, Omega: float) -> None:
 def check_gaps(names: tuple[str, ...], clearances: Array) -> None:
     """Warn of a branch on which no element comes near a breakpoint of its law.
 
-    Parameters
-    ----------
-    names : tuple of str, length c
-        Breakpoints by element and value, for the message.
-    clearances : ndarray, shape (P, c)
-        Signed distances of the smallest and the largest displacement of an element from each breakpoint.
+    The signed distances (P, c) of extrema from breakpoints have names (c,) for the message.
     """
     if clearances.size and clearances.shape[1] == len(names):
         nearest = int(np.argmin(np.abs(clearances).min(axis=0)))
@@ -233,12 +190,7 @@ def check_gaps(names: tuple[str, ...], clearances: Array) -> None:
 def check_sliders(names: tuple[str, ...], margins: Array) -> None:
     """Warn of a branch on which no friction slider slips.
 
-    Parameters
-    ----------
-    names : tuple of str, length Q
-        Names of the sliders, for the message.
-    margins : ndarray, shape (P, Q)
-        Ranges of the displacements minus those in which the sliders stick.
+    The margins (P, Q) are ranges of displacements minus those in which sliders stick.
     """
     if margins.size and not (margins > 0).any():
         nearest = int(np.argmax(margins.max(axis=0)))
@@ -249,19 +201,7 @@ def check_sliders(names: tuple[str, ...], margins: Array) -> None:
 
 
 def check_truncation(tolerance: float, H: int, parameter: str, values: Array, errors: Array) -> None:
-    """Warn of points whose estimated errors exceed the tolerance of automatic harmonics.
-
-    Parameters
-    ----------
-    tolerance : float
-        Tolerance of the automatic harmonics.
-    H : int
-        Harmonic truncation order.
-    parameter : str
-        Continuation parameter.
-    values, errors : ndarray, shape (P,)
-        Values of the parameter and estimated errors of the points.
-    """
+    """Warn of points whose estimated errors (P,) exceed the tolerance of automatic harmonics."""
     worst = int(np.argmax(errors))
     warn(
         f"automatic harmonics, up to H = {H}, leave {len(values)} points of the curve with an estimated error above "

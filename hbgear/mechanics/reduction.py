@@ -180,23 +180,11 @@ _ROUNDING_FACTOR, _MAX_ROUNDING = 100.0, 1e-3
 
 
 def reduced_within(system: System, highest: float) -> tuple[Reduction, float] | None:
-    """Return a reduction that is exact up to an angular frequency, and its error.
+    """Return a reduction that is exact to 1e-9 up to an angular frequency, and its error; None if none is.
 
     Few modes below that frequency make a reduction exact; up to 256 modes are tried. Where the responses of the full
     structure are not known to 1e-9, because its stiffness is ill-conditioned, a reduction within a hundred times their
     rounding is accepted: the projection K B has the rounding of K as well.
-
-    Parameters
-    ----------
-    system : System
-        Full system.
-    highest : float
-        Angular frequency up to which receptances must be exact to 1e-9.
-
-    Returns
-    -------
-    tuple or None
-        The reduction and its error. None if no reduction is accurate enough.
     """
     F = _forces(system)
     w = highest * np.array([1.0, 0.75, 0.5, 0.25])

@@ -32,17 +32,7 @@ _MIN_STATIC_LOAD = 1e-11
 def references(system: System, fraction: float = 1.0) -> Array:
     """Return the reference stiffness (m,) of the elements of a system [force / length], which is not negative.
 
-    Parameters
-    ----------
-    system : System
-        The system.
-    fraction : float, optional
-        Fraction of the stiffness of the structure that is the reference of laws that state none. Default 1.
-
-    Returns
-    -------
-    ndarray, shape (m,)
-        Reference stiffnesses.
+    It is a fraction of the stiffness of the structure for laws that state none.
 
     Examples
     --------
@@ -97,19 +87,7 @@ def _secant_stiffness(system: System, j: int) -> float:
 
 
 def secant(law: Law, force: float, length: float) -> float:
-    """Return the secant stiffness |p(d)| / d of a law where |p| reaches a force, or else at a length.
-
-    Parameters
-    ----------
-    law : Law
-        Any law.
-    force, length : float
-        Force, and length that is used if |p| nowhere reaches the force.
-
-    Returns
-    -------
-    float
-        Stiffness; 0 if the law has none at either.
+    """Return the secant stiffness |p(d)| / d of a law where |p| reaches a force, or else at a length; 0 without any.
 
     Examples
     --------
@@ -127,18 +105,6 @@ def secant(law: Law, force: float, length: float) -> float:
 def bend(law: Law, stiffness: float) -> float:
     """Return the smallest |d| at which dp/dd has changed by a stiffness; 0 if it changes nowhere, or jumps at d = 0.
 
-    Parameters
-    ----------
-    law : Law
-        Any law.
-    stiffness : float
-        Change of the stiffness.
-
-    Returns
-    -------
-    float
-        Displacement.
-
     Examples
     --------
     >>> import hbgear as hb
@@ -153,20 +119,7 @@ def bend(law: Law, stiffness: float) -> float:
 
 
 def at_rest(law: Law, d: Array) -> tuple[Array, Array]:
-    """Return p and dp/dd of a law at rest, at displacements of any size; nan where the law raises an error.
-
-    Parameters
-    ----------
-    law : Law
-        Any law.
-    d : ndarray, shape (k,)
-        Displacements.
-
-    Returns
-    -------
-    tuple of ndarray
-        Forces and slopes (k,).
-    """
+    """Return p and dp/dd (k,) of a law at rest at any displacements d (k,); nan where the law raises an error."""
     try:
         with np.errstate(all="ignore"):
             p, slope = law.force(d, np.zeros_like(d), np.zeros_like(d))[:2]

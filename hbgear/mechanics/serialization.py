@@ -31,17 +31,7 @@ MAX_MATRIX_ENTRIES = 50_000
 
 
 def to_plain(value: Any) -> Any:
-    """Convert a value of a model to plain data.
-
-    Parameters
-    ----------
-    value : object
-        Field of a model: a number, text, array, sparse matrix, mapping, sequence, periodic function, law or part.
-
-    Returns
-    -------
-    object
-        Numbers, texts, lists and dictionaries only.
+    """Convert a value of a model to plain data: numbers, texts, lists and dictionaries.
 
     Raises
     ------
@@ -107,19 +97,9 @@ def _check_size(count: int) -> None:
 
 
 def from_plain(data: Any, parts: Mapping[str, type]) -> Any:
-    """Rebuild a value from the plain data that `to_plain` returned.
+    """Rebuild a value from the plain data that `to_plain` returned, with tuples instead of lists.
 
-    Parameters
-    ----------
-    data : object
-        Plain data.
-    parts : mapping
-        Classes by name, of which parts may be. Laws need not be among them.
-
-    Returns
-    -------
-    object
-        The value, with tuples instead of lists.
+    ``parts`` has the classes by name of which parts may be. Laws need not be among them.
 
     Raises
     ------
@@ -166,17 +146,9 @@ def _sparse(data: Mapping[str, Any]) -> Any:
 
 
 def source_of(cls: type) -> str:
-    """Return where a class was written, in the form of the command line: FILE.py:NAME or MODULE:NAME.
+    """Return where a class was written, as FILE.py:NAME or MODULE:NAME; empty for a class of hbgear.
 
-    Parameters
-    ----------
-    cls : type
-        A class of models or laws.
-
-    Returns
-    -------
-    str
-        The source; empty for a class of hbgear. A file has its name without folders, which are private.
+    A file has its name without folders, which are private.
     """
     if cls.__module__.partition(".")[0] == "hbgear":
         return ""

@@ -82,20 +82,7 @@ def _check_stiffness(owner: str, stiffness: Phased) -> None:
 
 
 def checked_contact(owner: str, stiffness: Phased) -> None:
-    """Raise ValueError for a contact stiffness that is not a periodic function, or a table that is not positive.
-
-    Parameters
-    ----------
-    owner : str
-        Name of the law, for the message.
-    stiffness : Series or Periodic
-        Stiffness over the phase.
-
-    Raises
-    ------
-    ValueError
-        If the stiffness is of another type, or a `Periodic` has a value that is not positive.
-    """
+    """Raise ValueError for a contact stiffness that is not a periodic function, or a table that is not positive."""
     _check_stiffness(owner, stiffness)
     if isinstance(stiffness, Periodic) and stiffness.extremes()[0] <= 0:
         raise ValueError(
@@ -521,18 +508,7 @@ class Parallel(Law):  # numpydoc ignore=PR02
 
 
 def springs_of(law: Law) -> tuple[tuple[PiecewiseLinear, ...], float, float] | None:
-    """Split a law into piecewise-linear springs and a cubic spring.
-
-    Parameters
-    ----------
-    law : Law
-        Any law.
-
-    Returns
-    -------
-    tuple or None
-        The piecewise-linear springs, k1 and k3; None if the law is not a sum of such springs.
-    """
+    """Split a law into piecewise-linear springs and a cubic spring k1, k3; None if it is not a sum of such springs."""
     if type(law) is Cubic:
         return (), law.k1, law.k3
     if law.piecewise is not None:

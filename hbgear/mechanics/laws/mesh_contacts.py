@@ -262,17 +262,7 @@ class MeshContacts(Law):  # numpydoc ignore=PR02
     def sliding_forces(self, d: Array, tau: Array) -> SlidingForces:
         """Return the forces along and across the line of action and the torque about the pitch point.
 
-        Parameters
-        ----------
-        d : ndarray, shape (N,)
-            Displacements.
-        tau : ndarray, shape (N,)
-            Phases.
-
-        Returns
-        -------
-        SlidingForces
-            The forces; zero across without friction.
+        They belong to displacements and phases (N,), and are zero across without friction.
         """
         starts, rows, side = self._sliding_table
         values = _cubics_at(tau, starts, rows)
@@ -393,18 +383,7 @@ def contacts_of(law: Law) -> tuple[ToothContact, ...]:
 
 
 def moving_springs_of(law: Law) -> tuple[tuple[MovingSpring, ...], float, float] | None:
-    """Split a law into springs of moving displacements and a cubic spring.
-
-    Parameters
-    ----------
-    law : Law
-        Any law.
-
-    Returns
-    -------
-    tuple or None
-        The springs, k1 and k3; None if the law is not a sum of such springs.
-    """
+    """Split a law into springs of moving displacements and a cubic spring k1, k3; None if it is not a sum of these."""
     contacts = contacts_of(law)
     if contacts:
         springs = (PiecewiseLinear((0.0,), _SLOPES[c.side], stiffness=c.stiffness) for c in contacts)

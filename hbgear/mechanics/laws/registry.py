@@ -78,17 +78,7 @@ class RegisteredLaw:
         return (*self.required, *(key for key in self.kinds if key not in self.required))
 
     def from_toml(self, values: Mapping[str, Any]) -> Law:
-        """Build the law from the keys of a TOML table.
-
-        Parameters
-        ----------
-        values : mapping
-            Values by key, without the keys of the element.
-
-        Returns
-        -------
-        Law
-            The law.
+        """Build the law from the keys of a TOML table, without those of the element.
 
         Raises
         ------
@@ -110,16 +100,6 @@ class RegisteredLaw:
 
     def from_fields(self, fields: Mapping[str, Any]) -> Law:
         """Build the law from its fields in the header of a file.
-
-        Parameters
-        ----------
-        fields : mapping
-            Values by name.
-
-        Returns
-        -------
-        Law
-            The law.
 
         Raises
         ------
@@ -263,23 +243,7 @@ def _parameter_kinds(function: Callable[..., Law]) -> dict[str, Any]:
 
 
 def registered(law: Law) -> RegisteredLaw:
-    """Return the entry of the class of a law.
-
-    Parameters
-    ----------
-    law : Law
-        Any law.
-
-    Returns
-    -------
-    RegisteredLaw
-        Its entry.
-
-    Raises
-    ------
-    TypeError
-        If its class is not registered.
-    """
+    """Return the entry of the class of a law; raise TypeError if it is not registered."""
     cls = type(law)
     if cls not in _BY_CLASS:
         raise TypeError(
@@ -290,19 +254,7 @@ def registered(law: Law) -> RegisteredLaw:
 
 
 def law_named(name: str, source: str = "") -> RegisteredLaw:
-    """Return the entry of a law of a user by its name in a file.
-
-    Parameters
-    ----------
-    name : str
-        Name in the file.
-    source : str, optional
-        File or module of the class when the file was written, for the message.
-
-    Returns
-    -------
-    RegisteredLaw
-        The entry.
+    """Return the entry of a law of a user by its name in a file; the message names the file or module of its class.
 
     Raises
     ------

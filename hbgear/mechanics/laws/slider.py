@@ -122,16 +122,6 @@ class FrictionLimit:
 def friction_limits(elements: Sequence[Any]) -> list[tuple[int, Slider, FrictionLimit]]:
     """Return all sliders of elements: the number of the element, the slider and its limit.
 
-    Parameters
-    ----------
-    elements : sequence of Element
-        Elements of a system, with names.
-
-    Returns
-    -------
-    list of (int, Slider, FrictionLimit)
-        Sliders in the order of their elements.
-
     Raises
     ------
     ValueError
@@ -184,22 +174,7 @@ def _middles(level: Sequence[float]) -> Array:
 
 
 def limit_at(limit: FrictionLimit, d: Array | None, tau: Array) -> Array:
-    """Return a friction limit at displacements of the element of its normal force and phases.
-
-    Parameters
-    ----------
-    limit : FrictionLimit
-        Limit.
-    d : ndarray or None
-        Displacements d_n; None without normal force.
-    tau : ndarray
-        Phases of the excitation.
-
-    Returns
-    -------
-    ndarray
-        Limits [force].
-    """
+    """Return a friction limit at displacements d of the element of its normal force, None without one, and phases."""
     if d is None or limit.normal < 0:
         return limit.base[0] + limit.wave(tau)
     zone = np.searchsorted(np.array(limit.level), d)
@@ -210,19 +185,7 @@ def limit_at(limit: FrictionLimit, d: Array | None, tau: Array) -> Array:
 def first_loading(slider: Slider, d: Array, limit: float) -> tuple[Array, Array]:
     """Return the force and stiffness of a slider at displacements d that are reached monotonically from rest.
 
-    Parameters
-    ----------
-    slider : Slider
-        Slider of a law.
-    d : ndarray
-        Displacements [length].
-    limit : float
-        Friction limit in the state [force].
-
-    Returns
-    -------
-    tuple of ndarray
-        Force, and stiffness, which is zero where the slider slips.
+    ``limit`` is the friction limit in the state. The stiffness is zero where the slider slips.
     """
     force = slider.k * (d - slider.residual)
     return np.clip(force, -limit, limit), slider.k * (np.abs(force) <= limit)

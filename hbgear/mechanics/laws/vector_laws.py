@@ -128,17 +128,7 @@ class Component(Law):  # numpydoc ignore=PR02
 
 
 def vector_groups(laws: Sequence[Law]) -> tuple[tuple[np.ndarray, VectorLaw], ...]:
-    """Return the numbers of the elements of each vector law among the laws of all elements, and the law.
-
-    Parameters
-    ----------
-    laws : sequence of Law
-        Laws of all elements.
-
-    Returns
-    -------
-    tuple of (ndarray, VectorLaw)
-        Numbers (p,) of the elements, in the order of the directions.
+    """Return the numbers (p,) of the elements of each vector law among the laws of all elements, and the law.
 
     Raises
     ------

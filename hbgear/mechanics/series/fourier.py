@@ -68,40 +68,16 @@ def waves(theta: ArrayLike, H: int) -> ComplexArray:
 
 
 def evaluate(X: Array, theta: ArrayLike, order: int = 0) -> Array:
-    """Return the value, or the derivative of the given order in theta, of rows at any phases.
+    """Return the values (..., T) of real rows X (..., 2H + 1) at phases theta (T,) [rad].
 
-    Parameters
-    ----------
-    X : ndarray, shape (..., 2H + 1)
-        Real rows.
-    theta : array_like, shape (T,)
-        Phases [rad].
-    order : int, optional
-        0 for the value (default), 1 for d/dtheta, and so on.
-
-    Returns
-    -------
-    ndarray, shape (..., T)
-        Values.
+    They are derivatives of the given order in theta; 0 for the value.
     """
     c = to_complex(np.asarray(X, dtype=float))
     return ((derive(c, order)) @ waves(theta, c.shape[-1] - 1).T).real
 
 
 def derive(c: ComplexArray, order: int = 1) -> ComplexArray:
-    """Return the coefficients of the derivative of the given order in theta: (i k)^order c_k.
-
-    Parameters
-    ----------
-    c : ndarray, shape (..., H + 1)
-        One-sided coefficients.
-    order : int, optional
-        Order of the derivative, 0 to 10. Default 1.
-
-    Returns
-    -------
-    ndarray, shape (..., H + 1)
-        Coefficients of the derivative.
+    """Return the coefficients of the derivative of the given order in theta, (i k)^order c_k, of c (..., H + 1).
 
     Raises
     ------
@@ -148,27 +124,11 @@ def stretch(X: Array, nu: int) -> Array:
 
 
 def extrema(X: Array) -> tuple[Array, Array, Array, Array]:
-    """Return the extrema of each row over a period, to rounding if H harmonics resolve the function.
+    """Return lowest value, its phase, highest value and its phase of each row (..., 2H + 1) over a period.
 
-    The function is sampled with N >= 16 per shortest wave; Newton's method on the derivative starts from every sample
-    that can be the nearest to the extremum. The value of this sample differs from the extremum by at most
-    (pi/N)^2 / 2 sum_k k^2 |c_k|.
-
-    Parameters
-    ----------
-    X : ndarray, shape (..., 2H + 1)
-        Real rows.
-
-    Returns
-    -------
-    low : ndarray, shape (...,)
-        Smallest value of each row.
-    theta_low : ndarray, shape (...,)
-        Phase of the smallest value.
-    high : ndarray, shape (...,)
-        Largest value of each row.
-    theta_high : ndarray, shape (...,)
-        Phase of the largest value.
+    They are exact to rounding if H harmonics resolve the function. It is sampled with N >= 16 per shortest wave;
+    Newton's method on the derivative starts from every sample that can be the nearest to the extremum. The value of
+    this sample differs from the extremum by at most (pi/N)^2 / 2 sum_k k^2 |c_k|.
     """
     from hbgear.mechanics.series.fourier_kernels import extremes
 
@@ -182,19 +142,7 @@ def extrema(X: Array) -> tuple[Array, Array, Array, Array]:
 def real_numbers(name: str, value: Any, requirement: str) -> Array:
     """Return a copy of a value as an array of floats, or raise an error that states the required value.
 
-    Parameters
-    ----------
-    name : str
-        Name of the value, for the message.
-    value : object
-        Value. Texts, complex numbers and ragged lists are refused.
-    requirement : str
-        Description of the required value, for the message.
-
-    Returns
-    -------
-    ndarray
-        The array.
+    Texts, complex numbers and ragged lists are refused.
 
     Raises
     ------

@@ -252,33 +252,14 @@ def _check_function(name: str, function: Callable[[Array], Array]) -> None:
 
 
 def is_measure(name: str) -> bool:
-    """Return whether a name is that of a registered measure or of a harmonic.
-
-    Parameters
-    ----------
-    name : str
-        Any text.
-
-    Returns
-    -------
-    bool
-        True for "rms", "H1", "H1/2" and names of registered measures.
-    """
+    """Return whether a name is that of a registered measure, or of a harmonic such as "H1" or "H1/2"."""
     return name in MEASURES or _HARMONIC.fullmatch(name) is not None
 
 
 def default_measures(same_unit: bool = False) -> dict[str, Measure]:
-    """Return the measures that tables, data sets and pages contain.
+    """Return the measures that tables, data sets and pages contain, by name.
 
-    Parameters
-    ----------
-    same_unit : bool, optional
-        Whether to leave out measures that have another unit than the motion. The default is False.
-
-    Returns
-    -------
-    dict
-        Entries by name.
+    With ``same_unit`` those of another unit than the motion are left out.
     """
     return {
         name: entry
@@ -288,21 +269,9 @@ def default_measures(same_unit: bool = False) -> dict[str, Measure]:
 
 
 def motion_text(labels: Mapping[str, str], elements: Sequence[str] = (), index: int = 0) -> str:
-    """Return the symbol of the displacement of an element, with its name.
+    """Return the symbol of the displacement of an element, with its name, in units of the model.
 
-    Parameters
-    ----------
-    labels : mapping
-        Labels of the model, empty for matrices of the user.
-    elements : sequence of str, optional
-        Names of the elements.
-    index : int, optional
-        Index of the element; default 0.
-
-    Returns
-    -------
-    str
-        Text in units of the model.
+    The labels of the model are empty for matrices of the user.
 
     Examples
     --------
@@ -315,20 +284,7 @@ def motion_text(labels: Mapping[str, str], elements: Sequence[str] = (), index: 
 
 
 def axis_text(name: str, motion: str) -> str:
-    """Return the text of an axis of a measure.
-
-    Parameters
-    ----------
-    name : str
-        Name of the measure.
-    motion : str
-        Symbol and unit of the motion, such as "d [um]".
-
-    Returns
-    -------
-    str
-        Description, symbol and unit.
-    """
+    """Return the text of an axis of a measure: description, symbol and unit, for a motion such as "d [um]"."""
     entry = MEASURES.get(name)
     if entry is None:
         return f"harmonic {name[1:]} of {motion}"
@@ -386,37 +342,13 @@ def _names(H: int, nu: int) -> str:
 
 
 def check_measure(caller: str, name: str) -> None:
-    """Raise an error for the name of an unknown measure.
-
-    Parameters
-    ----------
-    caller : str
-        Name of the function, for the message.
-    name : str
-        Name of the measure.
-
-    Raises
-    ------
-    ValueError
-        If there is no such measure.
-    """
+    """Raise ValueError for the name of an unknown measure; the message names the caller."""
     if not is_measure(name):
         raise ValueError(f"{caller}: no measure '{name}'; there are {', '.join(MEASURES)}, H1, H2, ...")
 
 
 def check_peaks(name: str) -> None:
-    """Raise an error for a measure whose peaks cannot be located.
-
-    Parameters
-    ----------
-    name : str
-        Name of the measure.
-
-    Raises
-    ------
-    ValueError
-        If there is no such measure, or it was registered with ``peaks=False``.
-    """
+    """Raise ValueError for an unknown measure, or one whose peaks cannot be located (``peaks=False``)."""
     check_measure("peaks", name)
     if name in MEASURES and not MEASURES[name].peaks:
         usable = ", ".join(key for key, entry in MEASURES.items() if entry.peaks)
@@ -427,19 +359,9 @@ def check_peaks(name: str) -> None:
 
 
 def check_displacement(caller: str, name: str) -> None:
-    """Raise an error for a measure that is not a displacement, and cannot be compared with lengths.
+    """Raise ValueError for an unknown measure, or one of another unit than the motion, which is no length.
 
-    Parameters
-    ----------
-    caller : str
-        Name of the function, for the message.
-    name : str
-        Name of the measure.
-
-    Raises
-    ------
-    ValueError
-        If there is no such measure, or it has another unit than the motion.
+    The message names the caller.
     """
     check_measure(caller, name)
     if name in MEASURES and (MEASURES[name].unit or MEASURES[name].dimension != 1):
@@ -448,22 +370,7 @@ def check_displacement(caller: str, name: str) -> None:
 
 
 def derivative(X: Array, rate: ArrayLike, order: int) -> Array:
-    """Return the coefficients of a derivative in time, c_k (i k rate)^order.
-
-    Parameters
-    ----------
-    X : array_like, shape (..., 2H + 1)
-        Coefficients.
-    rate : array_like, shape (...)
-        Frequency dtheta/dt = Omega / nu.
-    order : int
-        Order of the derivative.
-
-    Returns
-    -------
-    ndarray, shape (..., 2H + 1)
-        Coefficients of the derivative.
-    """
+    """Return the coefficients of a derivative in time of rows X (..., 2H + 1), c_k (i k rate)^order, at rates (...)."""
     counted("derivative", order, least=0)
     c = to_complex(np.asarray(X, dtype=float))
     return to_real(c * (1j * np.arange(c.shape[-1]) * np.asarray(rate, dtype=float)[..., None]) ** order)

@@ -366,16 +366,6 @@ def described(function: Phased) -> dict[str, Any]:
 def undescribed(data: Any) -> Any:
     """Rebuild a function from the data that `described` returned; other data are returned unchanged.
 
-    Parameters
-    ----------
-    data : object
-        Plain data.
-
-    Returns
-    -------
-    object
-        The function, or the data.
-
     Raises
     ------
     ValueError

@@ -15,18 +15,6 @@ Matrix: TypeAlias = Any
 def square(name: str, value: Any) -> Matrix:
     """Return a square matrix of finite numbers, read-only if it is dense, else a csr_array.
 
-    Parameters
-    ----------
-    name : str
-        Name of the matrix, for messages.
-    value : array_like or sparse matrix
-        Matrix.
-
-    Returns
-    -------
-    ndarray or csr_array
-        The matrix.
-
     Raises
     ------
     ValueError

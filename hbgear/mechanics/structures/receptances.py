@@ -33,19 +33,7 @@ _MIN_SINGULAR_VALUE_RATIO = 1e-13
 
 
 def vector_along(names: Sequence[str], coordinates: Mapping[str | int, float]) -> Array:
-    """Return a vector (n,) with given values of coordinates, and zeros otherwise.
-
-    Parameters
-    ----------
-    names : sequence of str
-        Names of the coordinates.
-    coordinates : mapping
-        Values by name, or by number from 0.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        The vector.
+    """Return a vector (n,) with given values of coordinates, by name or number from 0, and zeros otherwise.
 
     Raises
     ------
