@@ -54,6 +54,15 @@ def test_sensitivity_of_first_slip(slipping, label, low, high):
         assert found[name] == pytest.approx((up - down) / (2 * step), rel=1e-6)
 
 
+def test_equal_blades_begin_to_slip_at_one_point_that_names_both():
+    dampers = [hb.Element(w, hb.mechanics.Jenkins(1.0, 0.1), name=name) for w, name in (([1, 0], "a"), ([0, 1], "b"))]
+    blades = hb.System(np.eye(2), 0.02 * np.eye(2), np.eye(2), dampers, hb.Load(cosine={1: [0.06, 0.06]}))
+    curve = hb.trace(hb.HarmonicBalance(blades, 9), "Omega", (0.6, 2.2), accuracy=None)
+    slips = [point for point in curve.special if point.kind == "SL"]
+    assert [point.note for point in slips] == ["a, b", "a, b"]
+    assert excess(slips[0].parameters["Omega"], **BLADE) == pytest.approx(0, abs=1e-10)
+
+
 def test_first_slip_of_a_backbone_over_the_limit():
     """The free motion slips from the displacement limit / k on."""
     curve = hb.analysis.backbone(blade(), 1, (0.01, 1.0))
