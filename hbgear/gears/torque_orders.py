@@ -126,19 +126,12 @@ def effective_torque(mean: float, orders: TorqueOrders) -> float:
 
 
 def parse_torque_orders(option: str, text: str) -> dict[str, tuple[str, str]]:
-    """Read a text such as "2: 60Nm, 4: 20Nm 30deg".
-
-    Parameters
-    ----------
-    option : str
-        Option of the command line, for messages.
-    text : str
-        Amplitudes, with an optional phase, by order.
+    """Read amplitudes, with an optional phase, by order from a text such as "2: 60Nm, 4: 20Nm 30deg".
 
     Raises
     ------
     ValueError
-        If an entry has no colon.
+        If an entry has no colon; the message names the option.
     """
     orders: dict[str, tuple[str, str]] = {}
     for entry in text.split(","):

@@ -22,15 +22,7 @@ MEASURES = ("circumferential", "normal", "action")
 
 
 def backlash_factors(working_angle: float, base_helix: float) -> dict[str, float]:
-    """Return the ratio of each measure of backlash to j_wt.
-
-    Parameters
-    ----------
-    working_angle : float
-        Transverse working pressure angle alpha_wt [rad].
-    base_helix : float
-        Helix angle beta_b at the base circle [rad].
-    """
+    """Return the ratio of each measure of backlash to j_wt, for alpha_wt and beta_b [rad]."""
     action = cos(working_angle)
     return {"circumferential": 1.0, "normal": action * cos(base_helix), "action": action}
 

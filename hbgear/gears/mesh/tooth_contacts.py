@@ -189,19 +189,9 @@ class Flank:
 
 
 def mesh_contacts(flanks: Sequence[Flank], meshes: int = 1) -> MeshContacts:
-    """Return the law of a mesh whose period is a number of meshes.
+    """Return the law of a mesh from both flanks of all slices, over a period of a number of meshes.
 
-    Parameters
-    ----------
-    flanks : sequence of Flank
-        Both flanks of all slices.
-    meshes : int, default 1
-        Number of mesh periods in the period of the excitation, more than one for errors of single pairs of teeth.
-
-    Returns
-    -------
-    MeshContacts
-        The law over the phase of that period.
+    The period is longer than one mesh for errors of single pairs of teeth.
     """
     return MeshContacts(tuple(contact for flank in flanks for contact in flank.contacts(meshes)), meshes=meshes)
 

@@ -84,23 +84,10 @@ def pair_forces(
 ) -> PairForces:  # fmt: skip
     """Compute the forces on successive pairs of teeth; see the equations in the module header.
 
-    Parameters
-    ----------
-    flanks : sequence of Flank
-        Driving and back flanks of all slices.
-    displacement : callable
-        Displacement along the line of action as a function of time [mesh periods], with a period of ``pairs``.
-    pairs : int
-        Number of pairs that enter contact within a period of the motion.
-    half_backlash : float, default 0.0
-        Half backlash that is added to the gaps of both flanks, in the unit of the displacement.
-    steps : int, default `STEPS_PER_MESH`
-        Positions per mesh period.
-
-    Returns
-    -------
-    PairForces
-        The forces, in the unit of stiffness times displacement.
+    The displacement along the line of action is a function of time [mesh periods], with a period of ``pairs``, the
+    number of pairs that enter contact within a period of the motion. Half the backlash is added to the gaps of both
+    flanks, in the unit of the displacement. Forces have the unit of stiffness times displacement; ``steps`` is the
+    number of positions per mesh period.
     """
     first = min(floor(flank.stiffness.nodes[0] + flank.lag) for flank in flanks)
     last = max(ceil(flank.stiffness.length + flank.lag) for flank in flanks)
@@ -129,23 +116,9 @@ def _on_path(flank: Flank, u: Array) -> tuple[Array, Array]:
 
 
 def static_displacement(flanks: Sequence[Flank], force: float, half_backlash: float = 0.0) -> tuple[Array, Array]:
-    """Return the static displacement of a mesh without errors of single pairs over a mesh period.
+    """Return phases (P,) of a mesh period and static displacements (P,) under a positive force.
 
-    Parameters
-    ----------
-    flanks : sequence of Flank
-        Flanks of all slices; those of the back have no effect.
-    force : float
-        Static force, positive.
-    half_backlash : float, default 0.0
-        Half backlash that is added to the gaps.
-
-    Returns
-    -------
-    phase : ndarray, shape (P,)
-        Fractions of the mesh period.
-    displacement : ndarray, shape (P,)
-        Displacement at these phases.
+    The mesh has no errors of single pairs. Flanks of the back have no effect; half the backlash is added to the gaps.
     """
     driving = [flank for flank in flanks if flank.side > 0]
     ends = np.array([(node + flank.lag) % 1.0 for flank in driving for node in flank.stiffness.nodes[[0, -1]]])

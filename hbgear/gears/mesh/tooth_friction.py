@@ -167,21 +167,9 @@ class FrictionMesh(NamedTuple):
 
 
 def friction_mesh(mesh: ToothMesh, friction: Friction, side: int = 1) -> FrictionMesh:
-    """Return the contacts of a mesh with friction; the module docstring has the equations.
+    """Return the contacts of a mesh with friction, and its static state; the module docstring has the equations.
 
-    Parameters
-    ----------
-    mesh : ToothMesh
-        Contacts of a drawing.
-    friction : float or BenedictKelley
-        Coefficient of friction.
-    side : {1, -1}, default 1
-        Loaded flank: -1 if the wheel drives.
-
-    Returns
-    -------
-    FrictionMesh
-        Contacts and static state.
+    The loaded ``side`` is -1 if the wheel drives, else 1.
 
     Raises
     ------

@@ -60,12 +60,7 @@ class Support:  # numpydoc ignore=PR02
 def reactions(gears: Sequence[str], stiffness: Array, damping: Array) -> dict[str, Reaction]:
     """Return the radial and axial forces in the supports of gears with six coordinates each, in the order of `AXES`.
 
-    Parameters
-    ----------
-    gears : sequence of str
-        Names of the gears.
-    stiffness, damping : array_like, shape (6 G,)
-        Stiffness and damping of the supports to ground.
+    Stiffness and damping (6 G,) are those of the supports to ground.
     """
     matrices = np.diag(stiffness), np.diag(damping)
     forces = {}

@@ -20,16 +20,9 @@ from hbgear.mechanics.laws.mesh_contacts import MeshContacts
 
 
 def drawn_fields(sun: GearPair, ring: GearPair, torque: Any, planets: int) -> dict[str, Any]:
-    """Return the fields of a `PlanetarySet`.
+    """Return the fields of a `PlanetarySet` from the pairs of sun and planet, and of planet and ring.
 
-    Parameters
-    ----------
-    sun, ring : GearPair
-        Pair of sun and planet, and pair of planet and ring.
-    torque : float or str
-        Torque on the sun [N m], which the planets share equally.
-    planets : int
-        Number of planets.
+    The planets share the torque on the sun [N m] equally.
 
     Raises
     ------

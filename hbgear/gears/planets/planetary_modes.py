@@ -56,12 +56,9 @@ class PlanetMode:
 
 
 def natural_modes(M: Array, K: Array) -> tuple[PlanetMode, ...]:
-    """Return the undamped natural modes of matrices in SI units, in ascending order.
+    """Return the undamped natural modes of M and K (n, n) in SI units, in ascending order.
 
-    Parameters
-    ----------
-    M, K : ndarray, shape (n, n)
-        Mass matrix and stiffness matrix with all teeth in contact; x, y, u of the central members first.
+    All teeth are in contact; x, y, u of the central members are the first coordinates.
     """
     squares, shapes = scipy.linalg.eigh(K, M)
     frequencies = np.sqrt(np.maximum(squares, 0.0)) / (2 * pi)

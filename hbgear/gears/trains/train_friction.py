@@ -34,27 +34,10 @@ HELD = 1e-9
 def friction_elements(
     mesh: Mesh, gap: Element, wheels: Mapping[str, Wheel], kinematics: Kinematics, number: int, onto: Any
 ) -> tuple[Element, ...]:
-    """Return the elements of the friction of a mesh in SI directions; none without friction.
+    """Return the elements "FIRST-SECOND friction 1" to 3 of mesh ``number`` in SI directions; none without friction.
 
-    Parameters
-    ----------
-    mesh : Mesh
-        Mesh with number ``number``.
-    gap : Element
-        Its element along the line of action.
-    wheels : mapping
-        Wheels by name.
-    kinematics : Kinematics
-        Kinematics of the train.
-    number : int
-        Number of the mesh.
-    onto : callable
-        Function that maps vectors (6,) of wheels by name to a dimensionless vector of all coordinates.
-
-    Returns
-    -------
-    tuple of Element
-        Three elements "FIRST-SECOND friction 1" to 3.
+    ``gap`` is the element of the mesh along its line of action; ``onto`` maps vectors (6,) of wheels by name to a
+    dimensionless vector of all coordinates.
     """
     law = gap.law
     if not isinstance(law, MeshContacts) or law.sliding is None:
@@ -78,16 +61,9 @@ def friction_elements(
 
 
 def without_rotation(vector: Array, turn: Array, M: Array, K: Array) -> Array:
-    """Return a generalised force without the part that turns the whole train; itself if the rotation is held.
+    """Return a generalised force (n,) without the part that turns the whole train; itself if the rotation is held.
 
-    Parameters
-    ----------
-    vector : ndarray, shape (n,)
-        Force.
-    turn : ndarray, shape (n,)
-        Displacement of the rotation.
-    M, K : ndarray, shape (n, n)
-        Mass and stiffness.
+    ``turn`` (n,) is the displacement of the rotation, M and K (n, n) are mass and stiffness.
     """
     if np.abs(K @ turn).max() > HELD * np.abs(K).max() * np.abs(turn).max():
         return vector

@@ -86,17 +86,9 @@ class Measure:
     default: bool = False
 
     def unit_for(self, motion: str) -> str:
-        """Return the unit for a unit of the motion.
+        """Return the unit of the measure for a unit of the motion; "-" for a ratio.
 
-        Parameters
-        ----------
-        motion : str
-            Unit of the motion. It is "-" or "1" if the motion is dimensionless, and empty if it is unknown.
-
-        Returns
-        -------
-        str
-            Unit of the measure. It is "-" for a ratio.
+        The unit of the motion is "-" or "1" if it is dimensionless, and empty if it is unknown.
         """
         if self.unit or self.dimension == 0:
             return self.unit or "-"
