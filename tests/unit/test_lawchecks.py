@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import scipy
 
 import hbgear as hb
 from hbgear.harmonic.forces.law_checks import check_law
@@ -128,6 +129,41 @@ def test_the_error_of_steep_friction_is_stated(H):
         error = abs(point.amplitude("max") - 2.331953) / np.sqrt(2)
         assert error / 3 < point.error < 10 * error
         assert samples == point.problem.N or (samples is None and point.problem.N > 4000)
+
+
+def sticking_motion(Omega, limit, scale):
+    """Return x at 1024 times of the period of x'' + .1 x' + x + limit tanh(x' / scale) = .5 cos(Omega t), by Radau."""
+
+    def rates(t, y):
+        return [y[1], 0.5 * np.cos(Omega * t) - 0.1 * y[1] - y[0] - limit * np.tanh(y[1] / scale)]
+
+    y, half = np.array([0.3, 0.0]), np.pi / Omega
+    for _ in range(60):  # a motion that sticks forgets its start within some half periods
+        times = np.linspace(0, half, 513)
+        path = scipy.integrate.solve_ivp(rates, (0, half), y, "Radau", times, rtol=1e-8, atol=1e-10).y
+        last, y = y, -path[:, -1]
+        if np.abs(y - last).max() < 1e-7:
+            break
+    assert np.abs(y - last).max() < 1e-7
+    return np.append(path[0, :-1], -path[0, :-1])
+
+
+@pytest.mark.slow
+def test_the_error_of_motions_that_stick_is_stated():
+    """The first step towards more harmonics was taken as the error, which is up to 5.3 times larger."""
+
+    def force(d, v, tau):
+        p = np.tanh(v / 1e-3)
+        return 0.45 * p, 0 * d, 450.0 * (1 - p * p)
+
+    element = hb.Element([1.0], law_of(force))
+    system = hb.System([[1.0]], [[0.1]], [[1.0]], [element], hb.Load(cosine={1: [0.5]}))
+    curve = hb.trace(hb.HarmonicBalance(system, 15), "Omega", (1.2, 0.5), special=False, stability=False)
+    for Omega in (1.1, 1.0, 0.94, 0.89, 0.63):
+        i = int(np.argmin(np.abs(curve.values - Omega)))
+        x = sticking_motion(curve.values[i], 0.45, 1e-3)
+        error = np.sqrt(np.mean((curve[i].samples(0, 1024)[1] - x) ** 2))
+        assert error / 2 < curve.error[i] < 2 * error
 
 
 def test_smooth_laws_keep_their_samples():

@@ -26,7 +26,7 @@ import numpy as np
 from hbgear.common.arrays import Array
 from hbgear.continuation.numerics.linear import Factors, norm, solve_linear
 from hbgear.continuation.results.branch import Branch
-from hbgear.continuation.solvers.newton import NoConvergence, solve
+from hbgear.continuation.solvers.newton import SOLVER_ERRORS, NoConvergence, solve
 from hbgear.harmonic.equations.discretization import MAX_SAMPLES
 from hbgear.harmonic.equations.evaluator import Evaluator, elements_between_breakpoints
 from hbgear.harmonic.equations.motion import with_driven_harmonics
@@ -161,7 +161,8 @@ def distance_to_solution(problem: Any, start: Array, weight: Array, parameters: 
     It is the Newton step at the same Omega if a second step with the same Jacobian is shorter (Deuflhard's natural
     monotonicity test). Next to a fold it is not, because the other motion is far away or does not exist. Then Omega is
     free, and the distance from the curve is returned; a change of Omega, relative to Omega, weighs as much as that of
-    the motion relative to its size.
+    the motion relative to its size. If a free Omega changes the step little, there is no fold: the law is so steep that
+    one step is inaccurate, and Newton's method is completed.
     """
     R, J, slope, _ = problem.linearise(start, "Omega", **parameters)
     try:
@@ -177,7 +178,15 @@ def distance_to_solution(problem: Any, start: Array, weight: Array, parameters: 
         return norm(weighted_step)
     direction, size = weight * tangent, norm(weight * start)
     change = -(weighted_step @ direction) / (direction @ direction + (size / parameters["Omega"]) ** 2)
-    return norm(weighted_step + change * direction)
+    distance = norm(weighted_step + change * direction)
+    if distance > STEP_WITHOUT_FOLD * norm(weighted_step):
+        with suppress(*SOLVER_ERRORS):
+            return norm(weight * (solve(problem, start, parameters).X - start))
+    return distance
+
+
+STEP_WITHOUT_FOLD = 0.2
+"""Distance from a curve over the Newton step at the same Omega, above which the point is not next to a fold."""
 
 
 def largest_amplitudes(problem: Any, curve: Branch) -> Array:
