@@ -186,10 +186,18 @@ def leaving_lines(branch: Branch) -> list[str]:
             and stable[point.index - 1] != stable[point.index + 1]
         ]  # fmt: skip
         if labels:
-            lines.append(
-                f"stability also ends at {', '.join(labels)}, where {motions} leave: hbgear {command} FILE LABEL"
-            )
+            text = f"stability also ends at {', '.join(labels)}, where {motions} leave"
+            lines.append(text if kind == "NS" and not _has_tori(branch) else f"{text}: hbgear {command} FILE LABEL")
     return lines
+
+
+def _has_tori(branch: Branch) -> bool:
+    """Return whether tori of the model of a branch can be computed; True if its problem is unknown."""
+    from hbgear.harmonic.harmonic_balance import HarmonicBalance
+    from hbgear.harmonic.multipliers.sampled_slopes import has_sampled_slopes
+
+    problem = branch.problem
+    return not isinstance(problem, HarmonicBalance) or has_sampled_slopes(problem.compiled({}))
 
 
 def reliability_lines(branch: Branch, dimensionless: bool = False) -> list[str]:

@@ -10,6 +10,7 @@ from machines import VanDerPol, van_der_pol
 
 import hbgear as hb
 from hbgear.harmonic.models import model_registry
+from hbgear.mechanics.series.fourier import evaluate
 
 
 def unloaded(b: float = 1.0, k: float = 1.0) -> hb.System:
@@ -397,3 +398,26 @@ def test_folds_of_limit_cycles_are_followed_to_their_cusp():
     assert np.abs(np.abs(folds.tracked["level"]) - 2 * (folds.values.clip(0.0) / 3) ** 1.5).max() < 1e-12
     cusp = folds["CP1"].parameters
     assert abs(cusp["slope"]) < 1e-12 and abs(cusp["level"]) < 1e-12
+
+
+def test_energy_of_a_slider_that_sticks_is_that_of_its_spring():
+    damper = hb.Element([1.0], hb.mechanics.Jenkins(k=0.5, limit=0.1), name="damper")
+    curve = hb.analysis.backbone(hb.System([[1.0]], [[0.0]], [[1.0]], [damper]), span=(0.01, 0.1), harmonics=3)
+    assert set(curve.regimes) == {"stick"}  # up to the amplitude 0.2
+    np.testing.assert_allclose(hb.analysis.backbone_energy(curve), 1.5 * curve.values**2, rtol=1e-9)
+
+
+def test_energy_of_a_coupled_law_is_constant_along_a_motion():
+    """V = d1^2 d2^2 / 2 + (d1^4 + d2^4) / 4; the kinetic and potential energy at one instant are those of all."""
+    W = np.array([[1.0, 0.5], [0.0, 1.0]])
+    law = hb.mechanics.Polynomial(
+        exponents=[[1, 2], [2, 1], [3, 0], [0, 3]], coefficients=[[1.0, 0.0], [0.0, 1.0], [1.0, 0.0], [0.0, 1.0]]
+    )
+    system = hb.System(np.eye(2), None, np.diag([1.0, 1.3]), [*hb.mechanics.VectorElement(W, law)])
+    curve = hb.analysis.backbone(system, span=(0.5, 1.0), harmonics=12, special=False)
+    rows = curve.problem.motion(curve.X[-1], **curve.parameters_at(-1))
+    x, v = (evaluate(rows, np.array([0.7]), k)[:, 0] for k in (0, 1))
+    d1, d2 = W @ x
+    kinetic = 0.5 * curve.tracked["Omega"][-1] ** 2 * v @ v
+    potential = 0.5 * (x[0] ** 2 + 1.3 * x[1] ** 2 + d1**2 * d2**2) + 0.25 * (d1**4 + d2**4)
+    assert hb.analysis.backbone_energy(curve)[-1] == pytest.approx(kinetic + potential, rel=1e-7)

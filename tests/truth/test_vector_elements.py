@@ -13,7 +13,7 @@ import scipy
 from scipy.io import mmwrite
 
 import hbgear as hb
-from hbgear.analysis.summary import regime_of
+from hbgear.analysis.summary import leaving_lines, regime_of
 from hbgear.continuation.solvers.newton import solve
 from hbgear.io.machines.structure_file import read_structure
 from hbgear.mechanics.laws.vector_laws import vector_groups
@@ -324,3 +324,22 @@ def test_neimark_sacker_points_of_circular_whirl_in_two_parameters():
         rates = np.linalg.eigvals(np.block([[np.zeros((2, 2)), np.eye(2)], [-stiffness, -c * np.eye(2) - 2 * W * J]]))
         assert abs(rates.real.max()) < 1e-10
         assert abs(rates[rates.real.argmax()].imag) > 0.1
+
+
+def test_tori_of_vector_laws_are_refused():
+    """Their forces were those with all other displacements zero, so that a coupling x y^2 had no effect."""
+    law = hb.mechanics.Polynomial(exponents=[[1, 2], [2, 1]], coefficients=[[1.0, 0.0], [0.0, 1.0]])
+    second = hb.Load(cosine={1: [0.2, 0.1]})
+    with pytest.raises(ValueError, match=r"tori need laws of one displacement; 'c 1' belongs to a law of several"):
+        hb.analysis.two_tones(coupled(law, name="c"), np.sqrt(2), (0.8, 0.9), load=second, harmonics=(3, 3))
+
+
+@pytest.mark.slow
+def test_no_torus_is_offered_for_a_rub():
+    seal = hb.mechanics.VectorElement(UNIT, hb.mechanics.RadialClearance(4.0, 1.0, 0.1))
+    loads = hb.Load([0.0, -0.3], cosine={1: [0.3, 0.0]}, sine={1: [0.0, 0.3]}, power=2)
+    rubbing = hb.System(UNIT, 0.1 * UNIT, UNIT, [*seal], loads)
+    curve = hb.trace(hb.HarmonicBalance(rubbing, 5), "Omega", (1.067, 1.08), accuracy=None)
+    assert leaving_lines(curve) == ["stability also ends at NS1, where quasi-periodic motions leave"]
+    with pytest.raises(ValueError, match=r"tori are not computed for friction, .* by hb.time.integrate"):
+        hb.analysis.torus(curve, "NS1")

@@ -27,6 +27,8 @@ from hbgear.continuation.results.point import Point
 from hbgear.continuation.tracing.trace import trace
 from hbgear.harmonic.autonomous.backbone import AMPLITUDE, BackboneProblem, model_parameters
 from hbgear.mechanics.laws.laws import Law
+from hbgear.mechanics.laws.slider import friction_limits, limit_at, steady_force
+from hbgear.mechanics.laws.vector_laws import Component, VectorLaw, vector_groups
 from hbgear.mechanics.models import Model, System
 from hbgear.mechanics.series.fourier import Series, evaluate, to_complex
 
@@ -35,6 +37,9 @@ _POWER_SAMPLES = 512
 
 _ENERGY_SAMPLES = 64
 """Instants of a period over which the energy is averaged; it varies only by the dissipation within a period."""
+
+_SLIDER_SAMPLES = 4096
+"""Instants of a period at which the force of a friction slider is evaluated; it has kinks."""
 
 
 @checked_arguments()
@@ -99,6 +104,9 @@ def backbone(
 def backbone_energy(curve: Branch) -> Array:
     """Return the energy of each motion of a backbone: kinetic, elastic, and of the mean loads.
 
+    A friction slider has the energy of its spring, f^2 / (2 k). That of a law of several displacements is the integral
+    of its force along the straight line from zero, which is its potential if it has one.
+
     Parameters
     ----------
     curve : Branch
@@ -142,9 +150,24 @@ def _energy(problem: BackboneProblem, point: Point) -> float:
     load = np.asarray(system.loads[0].constant)
     quadratic = 0.5 * np.sum(v * (system.M @ v), axis=0) + 0.5 * np.sum(q * (system.K @ q), axis=0) - load @ q
     total = float(np.mean(quadratic))
-    for j, element in enumerate(system.elements):
-        d = system.W[:, j] @ q - element.displacement.mean
-        total += float(np.mean([_potential(element.law, x) for x in d]))
+    d = system.W.T @ q - np.array([[element.displacement.mean] for element in system.elements])
+    for element, row in zip(system.elements, d, strict=True):
+        if not isinstance(element.law, Component):
+            total += float(np.mean([_potential(element.law, x) for x in row]))
+    for elements, law in vector_groups([element.law for element in system.elements]):
+        total += float(np.mean(_line_integral(law, d[elements])))
+    return total + _energy_of_sliders(system, rows)
+
+
+def _energy_of_sliders(system: System, rows: Array) -> float:
+    """Return the mean energy of the springs of all friction sliders in a motion with rows (n, 2H + 1)."""
+    tau, total = 2 * np.pi * np.arange(_SLIDER_SAMPLES) / _SLIDER_SAMPLES, 0.0
+    for j, slider, limit in friction_limits(system.elements):
+        d, normal = (  # a limit without normal force does not depend on the second one
+            evaluate(system.W[:, i] @ rows, tau) - system.elements[i].displacement.mean for i in (j, limit.normal)
+        )
+        force = steady_force(slider, d, np.maximum(limit_at(limit, normal, tau), 0.0))
+        total += float(np.mean(force**2)) / (2 * slider.k)
     return total
 
 
@@ -269,6 +292,19 @@ def _power_ratio(problem: BackboneProblem, system: System, point: Point, order: 
 
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(8)
+
+_LINE_PARTS = 64
+"""Parts of the straight line along which the force of a law of several displacements is integrated."""
+
+
+def _line_integral(law: VectorLaw, d: Array) -> Array:
+    """Return the integrals (N,) of the force of a law along the straight lines from zero to displacements d (p, N)."""
+    s = ((np.arange(_LINE_PARTS)[:, None] + 0.5 * (_NODES + 1)) / _LINE_PARTS).ravel()
+    weights = np.tile(0.5 * _WEIGHTS / _LINE_PARTS, _LINE_PARTS)
+    x = (d[:, :, None] * s).reshape(len(d), -1)
+    force = law.force(x, np.zeros_like(x), np.zeros(x.shape[1]))[0].reshape(*d.shape, -1)
+    integrals: Array = np.einsum("pn,pns,s->n", d, force, weights)
+    return integrals
 
 
 def _potential(law: Law, d: float) -> float:

@@ -27,6 +27,7 @@ from hbgear.harmonic.autonomous.tori.layout import SECOND
 from hbgear.harmonic.autonomous.tori.problem import TorusProblem
 from hbgear.harmonic.bifurcations.neimark_sacker import NeimarkSackerProblem, Rotation
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
+from hbgear.harmonic.multipliers.sampled_slopes import has_sampled_slopes
 from hbgear.mechanics.series.fourier import to_complex
 
 _MAX_EVEN_PART = 1e-8
@@ -130,6 +131,11 @@ def _disturbance(
     balance: HarmonicBalance, X: Array, parameters: dict[str, float], name: str
 ) -> tuple[ComplexArray, float]:
     """Return the coefficients (m, 2H + 1), orders -H..H, of the disturbance at a point, and its frequency."""
+    if not has_sampled_slopes(balance.compiled(parameters)):
+        raise ValueError(
+            "tori are not computed for friction, contacts with dampers, laws of several displacements and compiled "
+            "laws: integrate the motion beyond the point by hb.time.integrate"
+        )
     base = NeimarkSackerProblem(balance, name).base_at(X, parameters)
     assert isinstance(base, Rotation) and base.c is not None
     return base.c.reshape(2 * balance.H + 1, balance.m).T, float(base.exponent.imag)

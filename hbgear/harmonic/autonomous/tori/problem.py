@@ -91,7 +91,12 @@ class TorusProblem(ContinuationProblem):
                 "tori need elements with independent displacements: join elements on the same displacement"
             )
         if evaluator.sliders:
-            raise ValueError("tori need laws without memory: friction sliders have none")
+            raise ValueError("tori need laws without memory; friction sliders have one: use hb.time.integrate")
+        if evaluator.vectors:
+            name = evaluator.system.elements[int(evaluator.vectors[0][0][0])].name
+            raise ValueError(
+                f"tori need laws of one displacement; '{name}' belongs to a law of several: use hb.time.integrate"
+            )
         self.balance, self.basis, self._phase = balance, basis, np.zeros(balance.m * basis.width)
 
     def __repr__(self) -> str:
