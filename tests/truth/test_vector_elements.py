@@ -343,3 +343,20 @@ def test_no_torus_is_offered_for_a_rub():
     assert leaving_lines(curve) == ["stability also ends at NS1, where quasi-periodic motions leave"]
     with pytest.raises(ValueError, match=r"tori are not computed for friction, .* by hb.time.integrate"):
         hb.analysis.torus(curve, "NS1")
+
+
+@pytest.mark.parametrize(
+    ("law", "largest"),
+    [
+        (hb.mechanics.RadialClearance(k=1.0, clearance=1.0, friction=1e-3), 1.0 + 0.3 / 1e-3),
+        (hb.mechanics.Polynomial([[1, 0], [0, 1]], [[0.0, 0.01], [-0.01, 0.0]]), 0.3 / 0.01),
+    ],
+    ids=("rub", "cross coupling"),
+)
+def test_friction_bounds_a_whirl_without_damping(law, largest):
+    """Friction k mu (r - c) balances the load; the machine without gaps and friction has its resonance at infinity."""
+    load = hb.Load(cosine={1: [0.3, 0.0]}, sine={1: [0.0, 0.3]})
+    system = hb.System(UNIT, 0.0 * UNIT, UNIT, [*hb.mechanics.VectorElement(UNIT, law)], load)
+    curve = hb.trace(hb.HarmonicBalance(system, 1), "Omega", (2.0, 0.8), stability=False, special=False)
+    assert curve.status.complete and not curve.asymptotes and not curve.others
+    assert curve.amplitude("rms").max() == pytest.approx(largest / np.sqrt(2), rel=1e-3)

@@ -18,6 +18,7 @@ from hbgear.harmonic.structure.derived_model import DerivedModel
 from hbgear.mechanics.laws.friction import ContactFriction
 from hbgear.mechanics.laws.laws import Cubic, Forces, Law, Parallel, PiecewiseLinear
 from hbgear.mechanics.laws.mesh_contacts import contacts_of
+from hbgear.mechanics.laws.vector_laws import Component, Directed, Polynomial, RadialClearance, VectorLaw
 from hbgear.mechanics.models import System
 from hbgear.mechanics.series.fourier import Series
 from hbgear.mechanics.structures.elements import Load
@@ -48,8 +49,21 @@ def recession(law: Law) -> Law | None:
         )
     if type(law) is Cubic:
         return None if law.k3 else PiecewiseLinear((), (law.k1,))
+    if isinstance(law, Component):
+        coupled = _vector_recession(law.law)
+        return None if coupled is None else Component(coupled, law.index)
     limit = _ScaledLaw(law)
     return limit if limit.is_proportional else None
+
+
+def _vector_recession(law: VectorLaw) -> VectorLaw | None:
+    """Return the limit of a law of several displacements, which couples them; None if it is not known."""
+    if isinstance(law, RadialClearance):
+        return dataclasses.replace(law, clearance=0.0)
+    if isinstance(law, Directed):
+        limit = recession(law.law)
+        return None if limit is None else Directed(limit)
+    return law if isinstance(law, Polynomial) and {sum(powers) for powers in law.exponents} == {1} else None
 
 
 def receded(system: System) -> System | None:
