@@ -326,6 +326,36 @@ def test_neimark_sacker_points_of_circular_whirl_in_two_parameters():
         assert abs(rates[rates.real.argmax()].imag) > 0.1
 
 
+def test_polynomial_in_toml(tmp_path):
+    text = """
+[matrices]
+M = [[1.0, 0.0], [0.0, 1.0]]
+C = [[0.1, 0.0], [0.0, 0.1]]
+K = [[2.0, -1.0], [-1.0, 3.0]]
+
+[[element]]
+name = "coupling"
+direction = [[1.0, 0.0], [0.0, 1.0]]
+law = "polynomial"
+exponents = [[1, 2], [2, 1]]
+coefficients = [[1.0, 0], [0, 1.0]]
+
+[[load]]
+cosine = { 1 = [0.5, 0.2] }
+"""
+    (tmp_path / "thin.toml").write_text(text)
+    law = hb.mechanics.Polynomial([[1, 2], [2, 1]], [[1.0, 0.0], [0.0, 1.0]])
+    X = np.linspace(0.1, 0.9, 14)
+    found, expected = (
+        hb.HarmonicBalance(model, 3).evaluate(X, Omega=0.8)[0]
+        for model in (read_structure(tmp_path / "thin.toml"), coupled(law, name="coupling"))
+    )
+    np.testing.assert_array_equal(found, expected)
+    (tmp_path / "thin.toml").write_text(text.replace("[1, 2]", "[1.5, 2]"))
+    with pytest.raises(ValueError, match=r"line 11.*exponents"):
+        read_structure(tmp_path / "thin.toml")
+
+
 def test_tori_of_vector_laws_are_refused():
     """Their forces were those with all other displacements zero, so that a coupling x y^2 had no effect."""
     law = hb.mechanics.Polynomial(exponents=[[1, 2], [2, 1]], coefficients=[[1.0, 0.0], [0.0, 1.0]])

@@ -4,10 +4,10 @@
     @dataclass(frozen=True)            TOML, [[element]]:  law = "Tanh"
     class Tanh(Law): ...                                   k = 1.0
 
-One entry serves both formats. Keys in TOML are the fields of the dataclass: numbers, texts, and lists of numbers. A
-field ``stiffness`` that is a periodic function has the key ``eps``, the list of its cosine amplitudes with opposite
-sign. A law with other fields is refused in TOML, and one with fields that are no data is not held by the header of a
-file; both messages name the field.
+One entry serves both formats. Keys in TOML are the fields of the dataclass: numbers, texts, lists of numbers, and lists
+of rows. A field ``stiffness`` that is a periodic function has the key ``eps``, the list of its cosine amplitudes with
+opposite sign. A law with other fields is refused in TOML, and one with fields that are no data is not held by the
+header of a file; both messages name the field.
 
 No code is loaded for a file: a law of a user is known after the module that registers it has been imported.
 """
@@ -41,6 +41,8 @@ _TOML_KINDS: Mapping[Any, Any] = {
     str: str,
     tuple[float, ...]: list[float],
     tuple[int, ...]: list[int],
+    tuple[tuple[float, ...], ...]: list[list[float]],
+    tuple[tuple[int, ...], ...]: list[list[int]],
 }
 """Types of fields that TOML can hold, and the types of their values there."""
 

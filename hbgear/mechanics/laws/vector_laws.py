@@ -15,7 +15,6 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -259,8 +258,8 @@ class Polynomial(VectorLaw):  # numpydoc ignore=PR02
     [18.0, 12.0]
     """
 
-    exponents: Any
-    coefficients: Any
+    exponents: tuple[tuple[int, ...], ...]
+    coefficients: tuple[tuple[float, ...], ...]
 
     def __post_init__(self) -> None:
         powers, factors = np.array(self.exponents), np.array(self.coefficients, dtype=float)
