@@ -102,8 +102,8 @@ def _check_laws(systems: Sequence[System]) -> None:
     laws = [part for system in systems for element in system.elements for part in element.law.parts]
     if any(law.sliders or law.damped or isinstance(law, Component | RigidFriction) for law in laws):
         raise ValueError(
-            "the exponential method does not integrate friction, contacts with dampers and vector laws: use "
-            "hb.time.integrate(..., method='DOP853') or hb.time.shoot"
+            "the exponential method, which sweeps, basins and landings of jumps need, does not integrate friction, "
+            "contacts with dampers and vector laws: use hb.time.integrate(..., method='DOP853') or hb.time.shoot"
         )
 
 
