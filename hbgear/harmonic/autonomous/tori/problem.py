@@ -50,6 +50,17 @@ class _Forces(NamedTuple):
     damping: Array | None
 
 
+def _check_laws(evaluator: Evaluator) -> None:
+    """Raise ValueError for laws with memory and laws of several displacements."""
+    if evaluator.sliders:
+        raise ValueError("tori need laws without memory; friction sliders have one: use hb.time.integrate")
+    if evaluator.vectors:
+        name = evaluator.system.elements[int(evaluator.vectors[0][0][0])].name
+        raise ValueError(
+            f"tori need laws of one displacement; '{name}' belongs to a law of several: use hb.time.integrate"
+        )
+
+
 class TorusProblem(ContinuationProblem):
     """Quasi-periodic motions in a parameter: a problem for `trace`, with the second frequency unknown.
 
@@ -90,13 +101,7 @@ class TorusProblem(ContinuationProblem):
             raise ValueError(
                 "tori need elements with independent displacements: join elements on the same displacement"
             )
-        if evaluator.sliders:
-            raise ValueError("tori need laws without memory; friction sliders have one: use hb.time.integrate")
-        if evaluator.vectors:
-            name = evaluator.system.elements[int(evaluator.vectors[0][0][0])].name
-            raise ValueError(
-                f"tori need laws of one displacement; '{name}' belongs to a law of several: use hb.time.integrate"
-            )
+        _check_laws(evaluator)
         self.balance, self.basis, self._phase = balance, basis, np.zeros(balance.m * basis.width)
 
     def __repr__(self) -> str:
