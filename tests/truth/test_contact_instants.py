@@ -268,6 +268,29 @@ def test_a_machine_at_rest_is_traced() -> None:
     assert curve.status is hb.Status.REACHED_END and not curve.amplitude("pp2").any()
 
 
+@pytest.mark.slow
+def test_a_curve_inside_of_the_span_is_found() -> None:
+    """Curves from both ends of the span turn back; the harmonic balance has a third one between them.
+
+    A curve that is traced from its inside in both directions knows the exact motions of all its points.
+    """
+    gap = hb.Element([1.0], hb.Backlash(b=0.516, k=16.344))
+    load = hb.Load(constant=[0.001], cosine={1: [0.29]})
+    model = hb.System([[1.0]], [[0.042]], [[0.0]], [gap], load)
+    exact, balance = (hb.trace(one(model, 32), "Omega", (3.0, 0.6)) for one in (hb.ContactInstants, hb.HarmonicBalance))
+    assert len(exact.others) == 2 and "2 other curves cover the rest of the span" in exact.message
+    found, expected = (
+        sorted((point.kind, point.parameters["Omega"]) for part in curve.curves for point in part.special)
+        for curve in (exact, balance)
+    )
+    assert [kind for kind, _ in found] == [kind for kind, _ in expected]
+    np.testing.assert_allclose([x for _, x in found], [x for _, x in expected], atol=1e-6, rtol=0)
+    inner = exact.others[1]
+    assert inner.values.min() == 0.6 and inner.values.max() == 3.0
+    for i in range(0, len(inner), 9):
+        assert np.linalg.norm(inner.problem.linearise(inner.X[i], "Omega", **inner.parameters_at(i)).R) < 1e-10
+
+
 def test_smooth_law_is_refused() -> None:
     with pytest.raises(NotPiecewiseLinear, match="is not piecewise linear"):
         hb.ContactInstants(hb.Duffing())

@@ -22,10 +22,10 @@ from hbgear.harmonic.instants.shooting import Iterate
 
 
 class ExactStart(NamedTuple):
-    """First state of a branch and the direction in which it leaves, in the unknowns of the state."""
+    """First state of a branch, and in its unknowns the direction in which the branch leaves another one, if it does."""
 
     state: CurveState
-    direction: Array
+    direction: Array | None
 
 
 class ExactPeriodDoubling(PeriodDoublingEvent):
@@ -90,7 +90,7 @@ def _branch_start(problem: Any, point: SpecialPoint, start: ExactStart) -> Branc
     return BranchStart(X, dict(point.parameters), np.append(X, 0.0), event=start)
 
 
-def _doubled_state(single: CurveState, period: float, family: Family) -> ExactStart:
+def _doubled_state(single: CurveState, period: float, family: Family) -> tuple[CurveState, Array]:
     """Return a motion over two periods, and the null vector that a shift by one period reverses."""
     iterate = single.iterate
     pattern = Pattern(iterate.pattern.switches * 2, iterate.pattern.contacts * 2)
@@ -102,4 +102,4 @@ def _doubled_state(single: CurveState, period: float, family: Family) -> ExactSt
     antisymmetric = np.zeros((len(state.z), n + free))
     antisymmetric[blocks[0], range(n + free)], antisymmetric[blocks[1], range(n + free)] = 1.0, -1.0
     null = np.linalg.svd((J * scale) @ antisymmetric)[2][-1]
-    return ExactStart(state, (antisymmetric @ null) * scale)
+    return state, (antisymmetric @ null) * scale

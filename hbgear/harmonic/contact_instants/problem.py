@@ -14,15 +14,13 @@ import math
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import replace
-from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.lru_cache import LRUCache
-from hbgear.common.ranges import counted
 from hbgear.continuation.curve.segment import BranchStart
 from hbgear.continuation.events.detector import events_of
 from hbgear.continuation.events.event import Event
@@ -34,13 +32,19 @@ from hbgear.continuation.results.concatenation import with_asymptotes
 from hbgear.continuation.results.point import Point
 from hbgear.continuation.results.status import Status
 from hbgear.continuation.solvers.newton import NoConvergence
-from hbgear.continuation.tracing.coverage import coverage_message, reversed_span_message, uncovered_intervals
 from hbgear.continuation.tracing.jumps import find_jumps
 from hbgear.continuation.tracing.state import set_up
 from hbgear.harmonic.contact_instants.branches import ExactBranchPoint, ExactPeriodDoubling, ExactStart
+from hbgear.harmonic.contact_instants.coverage import (
+    first_curve,
+    initial_state,
+    reversed_message,
+    state_near,
+    sufficient_harmonics,
+    with_other_curves,
+)
+from hbgear.harmonic.contact_instants.known_states import KnownStates
 from hbgear.harmonic.contact_instants.special_states import exact_or_traced_again, state_of
-from hbgear.harmonic.equations.discretization import MAX_COUNT
-from hbgear.harmonic.equations.harmonic_selection import tooth_orders
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.harmonic.instants.corrector import CurveState, Family
 from hbgear.harmonic.instants.equations import Equations, EquationsAt
@@ -52,8 +56,7 @@ from hbgear.harmonic.instants.results import build_exact_branch
 from hbgear.harmonic.instants.sampling import coefficients, sample_gaps
 from hbgear.harmonic.instants.shooting import Iterate, monodromy_matrix, multipliers_of
 from hbgear.harmonic.instants.shooting import linearise as linearise_switches
-from hbgear.harmonic.instants.special_points.grazing import Grazing
-from hbgear.harmonic.stability.exact_motion import exact_iterate, iterate_by_stiffness
+from hbgear.harmonic.stability.exact_motion import exact_iterate
 from hbgear.mechanics.models import Model
 
 CONTACT_INSTANTS = "contact instants"
@@ -69,20 +72,6 @@ NEIGHBOURS = 3
 SHORTEST_RESOLVED_CONTACT = 3.0
 """Duration of a contact [rad] times the number of harmonics from which derivatives in all parameters agree with the
 exact motion to 1e-3; with 1.2 one of them was 13 percent off, although the fold itself agreed to 1e-6."""
-
-
-class KnownStates(NamedTuple):
-    """Points of a branch in a parameter, the others fixed: values (P,), coefficients (P, n), states.
-
-    contacts : contacts that graze, by the number of the point.
-    """
-
-    name: str
-    fixed: dict[str, float]
-    values: Array
-    X: Array
-    states: list[CurveState]
-    contacts: dict[int, tuple[Grazing, ...]]
 
 
 class ContactInstants(HarmonicBalance):
@@ -132,7 +121,7 @@ class ContactInstants(HarmonicBalance):
 
     @checked_arguments()
     def __init__(self, model: Model, harmonics: int = 16, nu: int = 1) -> None:
-        super().__init__(model, harmonics=_sufficient(harmonics, model, nu), nu=nu, orders="all")
+        super().__init__(model, harmonics=sufficient_harmonics(harmonics, model, nu), nu=nu, orders="all")
         self.compiled({}).contact_equations  # noqa: B018  raises NotPiecewiseLinear
 
     def __repr__(self) -> str:
@@ -310,8 +299,8 @@ class ContactInstants(HarmonicBalance):
     ) -> Branch:  # fmt: skip
         """Return the curve of exact motions over a span of a parameter; see `hbgear.harmonic.instants.following`.
 
-        With ``cover``, the other end of a span that the curve does not reach is the start of another curve, and a curve
-        without a first solution is followed from there only.
+        With ``cover``, a span that the curve does not cover is searched for others: from the other end, then from the
+        inside. A curve without a first solution is followed from the other end only.
 
         Raises
         ------
@@ -323,31 +312,14 @@ class ContactInstants(HarmonicBalance):
                 f"curves in contact instants have no {', '.join(missing)}: use hb.analysis.peaks(curve) for peaks, or "
                 "trace a HarmonicBalance"
             )
-        covers = cover and start is None
-        branch, first = self._first_curve(span, start, settings, covers)
-        if not covers:
-            return branch
-        other_curves: tuple[Branch, ...] = ()
-        if first == span and branch.status is not Status.INTERRUPTED and uncovered_intervals([branch], span):
-            with suppress(NoConvergence):
-                other_curves = (self._first_curve(span[::-1], None, settings, False)[0],)
-        return _with_others(branch, other_curves, span, reversed_span=first != span)
+        if start is not None:
+            return self.traced_curve(span, start, settings, False)
+        branch, first = first_curve(self, span, settings, cover)
+        branch = branch if first == span else reversed_message(branch, span)
+        searched = cover and branch.status is not Status.INTERRUPTED
+        return with_other_curves(self, branch, span, settings) if searched else branch
 
-    def _first_curve(
-        self, span: tuple[float, float], start: Any, settings: Any, either_end: bool
-    ) -> tuple[Branch, tuple[float, float]]:
-        """Return a curve and its span: from either end if ``either_end``, else from a motion of softer contacts."""
-        failure: NoConvergence | None = None
-        for softer in (False,) if start is not None else (False, True):
-            for ends in (span, span[::-1]) if either_end else (span,):
-                try:
-                    return self._traced_curve(ends, start, settings, softer), ends
-                except NoConvergence as error:
-                    failure = failure or error
-        assert failure is not None
-        raise failure
-
-    def _traced_curve(self, span: tuple[float, float], start: Any, settings: Any, softer: bool) -> Branch:
+    def traced_curve(self, span: tuple[float, float], start: Any, settings: Any, softer: bool) -> Branch:
         """Return one curve of exact motions, with its jumps; ``softer``: its first motion by softer contacts."""
         setup = set_up(self, settings, span, start, work=Work(math.inf))
         state, direction = self._first_state(setup, start, softer)
@@ -379,54 +351,12 @@ class ContactInstants(HarmonicBalance):
         )
         parameters = setup.parameters_at(value)
         if start is None:
-            return _initial_state(self, name, parameters, softer), None
+            return initial_state(self, name, parameters, softer), None
         X = self.from_point(start) if isinstance(start, Point) else np.asarray(getattr(start, "X", start))
         if isinstance(start, BranchStart) and isinstance(start.event, ExactStart):
             return start.event
-        return _state_near(self, self.resized(X), name, parameters), None
+        return state_near(self, self.resized(X), name, parameters), None
 
-
-def _state_near(problem: ContactInstants, X: Array, name: str, parameters: Mapping[str, float]) -> CurveState:
-    """Return the exact motion near coefficients; close to a fold or a cusp, which is singular, at a free Omega."""
-    try:
-        return problem.exact_state(X, name, parameters)
-    except NoConvergence:
-        if name != "Omega":
-            raise
-        with suppress(NoConvergence, InconsistentPatternError):
-            ode, iterate = exact_iterate(problem, X, parameters, free=True)
-            return CurveState.of(iterate, ode.Omega)
-        raise
-
-
-def _with_others(branch: Branch, others: tuple[Branch, ...], span: tuple[float, float], reversed_span: bool) -> Branch:
-    """Return a branch with further curves of its span, and a message that states what they cover."""
-    texts = [branch.message, reversed_span_message(branch.parameter, span[0]) if reversed_span else ""]
-    texts += [coverage_message(branch, others, span)]
-    texts += [f"it ended early, {other.message}" for other in others if not other.status.complete]
-    return replace(branch, others=others, message="; ".join(filter(None, texts)))
-
-
-def _sufficient(harmonics: int, model: Model, nu: int) -> int:
-    """Return the number of harmonics, or the largest base order of the excitation if it is higher."""
-    counted("harmonics", harmonics, MAX_COUNT)
-    counted("nu", nu, MAX_COUNT)
-    return max(int(harmonics), int(nu) * max(tooth_orders(model.system())))
-
-
-def _initial_state(problem: ContactInstants, name: str, parameters: Mapping[str, float], softer: bool) -> CurveState:
-    """Return an exact motion found by the balance, or by the balance of ``softer`` contacts."""
-    H = min(problem.H, _sufficient(START_HARMONICS, problem.model, problem.nu))
-    if softer:
-        balance = partial(HarmonicBalance, harmonics=H, nu=problem.nu, orders="all")
-        system, Omega = problem.compiled(parameters).system, float(parameters["Omega"])
-        return CurveState.of(iterate_by_stiffness(balance, system, problem.nu, Omega), float(parameters[name]))
-    coarse = problem.with_order(problem.nu, H)
-    return coarse.exact_state(coarse.balance.start(**parameters), name, parameters)
-
-
-START_HARMONICS = 32
-"""Most harmonics of the balance whose motion is the first guess: with 128 the search takes a minute for a hard stop."""
 
 _STORED_VALUES = 16
 """Values of the parameter whose equations are stored: a corrector, its differences and a grazing use a few in turn."""
