@@ -70,7 +70,9 @@ class Arm:
         """Values and frequencies at `_DENSITY` points between two points of the section, by cubic splines."""
         count = len(self.values) - 1
         values = np.interp(np.arange(_DENSITY * count + 1) / _DENSITY, np.arange(count + 1), self.values)
-        return values, interpolate_along(values, self.values, self.Omega)
+        Omega = interpolate_along(values, self.values, self.Omega)
+        Omega[::_DENSITY] = self.Omega  # exact at a cusp, where two sections end
+        return values, Omega
 
 
 _DENSITY = 32

@@ -144,6 +144,18 @@ def test_asymptotes_between_two_curves_are_those_with_the_same_number_of_motions
     assert found.several_motions(0.41) == found.several_motions(0.9) == [(0.7, 1.0)]
 
 
+@pytest.mark.parametrize("turn", np.linspace(0.2, 0.9, 8))
+def test_both_sections_end_at_their_cusp_without_rounding(turn):
+    """By rounding, the lower jump was above the other one: the whole range had several motions at this value."""
+    values = turn * np.linspace(0.1, 1.0, 12) ** 0.5
+    lower = 0.7 + 0.3 * values**2
+    upper = lower + 0.1 * np.maximum(turn - values, 0.0) ** 1.5
+    arms = (Arm(values, lower, -1), Arm(values, upper, 1))
+    found = jump_maps.JumpMap("zeta", (0.0, 1.0), (), arms, {}, frequencies=(0.5, 2.0))
+    for i in (3, 11):
+        assert found.several_motions(values[i]) == [(lower[i], upper[i])]
+
+
 @pytest.mark.parametrize(
     ("directions", "frequencies", "several"),
     [
