@@ -12,6 +12,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -39,7 +40,7 @@ _MIN_CHAOTIC_GROWTH = 0.02
 """Logarithmic growth of a disturbance per period [-] above which a motion is chaotic."""
 
 _MIN_JUMP = 0.02
-"""Smallest change of rms between neighbouring values, relative to the largest rms so far [-], that may be a jump."""
+"""Smallest change of rms or pp2 between neighbouring values, relative to the largest so far [-], that may be a jump."""
 
 _MIN_JUMP_APERIODIC = 0.2
 """The same threshold [-] if a motion is not periodic, because its amplitude fluctuates."""
@@ -270,8 +271,9 @@ def sweep(
 
     Notes
     -----
-    A change of rms between neighbouring values that is much larger than the change before it is a jump if the sweep
-    does not return to the former motion after one step back. A steep but continuous curve has no jump.
+    A change of rms or half peak-to-peak between neighbouring values that is much larger than the change before it is
+    a jump if the sweep does not return to the former motion after one step back. A steep but continuous curve has no
+    jump.
 
     Examples
     --------
@@ -410,19 +412,25 @@ class _Sweeper:
         """Store a jump between the last two values if the change is large and one step back does not undo it."""
         if i == 0:
             return
-        rms = np.array([f[1].rms for f in self.results])
-        change = np.abs(np.diff(rms, axis=0)).max(axis=1)
+        is_periodic = all(f[2].period[0] for f in self.results[-2:])
+        measures = ("rms", "pp2") if is_periodic else ("rms",)
+        largest = {name: max(getattr(f[1], name).max() for f in self.results) or 1.0 for name in measures}
+
+        def relative(observed: Observation) -> Array:
+            return np.array([getattr(observed, name) / largest[name] for name in measures])
+
+        sizes = [relative(f[1]) for f in self.results[-3:]]
+        change = [np.abs(after - before).max() for before, after in pairwise(sizes)]
         previous = change[-2] if i > 1 else 0.0
-        threshold = _MIN_JUMP if all(f[2].period[0] for f in self.results[-2:]) else _MIN_JUMP_APERIODIC
-        if change[-1] < max(3 * previous, threshold * rms.max()):
+        if change[-1] < max(3 * previous, _MIN_JUMP if is_periodic else _MIN_JUMP_APERIODIC):
             return
         integrator = self._integrator_at(self.values[i - 1])
         motions = integrator.start(state)
         settled = settle(integrator, motions, self.settling)
         returned = observe(integrator, motions, int(settled.period[0]) or OBSERVED)
-        if not np.abs(returned.rms - rms[-2]).max() <= 0.2 * change[-1]:  # also true if the motion diverges
+        if not np.abs(relative(returned) - sizes[-2]).max() <= 0.2 * change[-1]:  # also true if the motion diverges
             interval = (float(self.values[i - 1]), float(self.values[i]))
-            self.jumps.append(SweepJump(self.parameter, interval, rms[-2], rms[-1]))
+            self.jumps.append(SweepJump(self.parameter, interval, *(f[1].rms for f in self.results[-2:])))
 
     def _progress_text(self) -> str:
         """Return the message of the last value."""

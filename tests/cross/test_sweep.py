@@ -38,6 +38,28 @@ def down():
     return sweep(hb.SpurPair(), np.linspace(0.69, 0.85, 9), "down")
 
 
+def test_the_legend_explains_the_bands_of_jumps(up, down):
+    axes = plot.sweeps([up, down])
+    names = [text.get_text() for text in axes.get_legend().get_texts()]
+    assert names == ["sweep up", "sweep down", "sweep up, jump", "sweep down, jump"]
+    plt.close(axes.figure)
+
+
+@pytest.mark.slow
+def test_a_jump_that_hardly_changes_the_rms_is_found():
+    """The amplitude falls by 22 % at a fold, the rms rises by 2 %: the third harmonic is lost."""
+    M, K = np.diag([5.0, 5.0, 8.0]), 1e6 * np.array([[3.0, -1.0, 0.0], [-1.0, 4.0, -1.0], [0.0, -1.0, 2.0]])
+    seal = hb.Element([1.0, 0.0, 0.0], hb.Backlash(k=5e6, b=1e-5), name="seal")
+    rotor = hb.System(M, 1e-4 * K, K, [seal], hb.Load(cosine={1: [0.0005, 0.0, 0.0]}, power=2))
+    curve = hb.trace(hb.HarmonicBalance(rotor, 16), "Omega", (300.0, 400.0))
+    (fold,) = (jump.value for jump in curve.jumps() if jump.direction < 0)
+    found = sweep(rotor, [*np.linspace(360.0, 372.0, 9), 390.0, 430.0, 500.0], "down")
+    ((before, after),) = [jump.interval for jump in found.jumps]
+    assert after < fold < before
+    i = int(np.flatnonzero(found.values == after)[0])
+    assert abs(found.rms[i, 0] / found.rms[i - 1, 0] - 1) < 0.03 and found.pp2[i, 0] < 0.8 * found.pp2[i - 1, 0]
+
+
 def stable_rms(curve, Omega):
     """rms of the stable motions of a curve at one frequency."""
     x = curve.values - Omega

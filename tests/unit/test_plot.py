@@ -845,3 +845,12 @@ def test_labels_are_legible_on_curves():
     axes = plot.response(resonance())
     labels = [text for text in axes.texts if (text.get_gid() or "").startswith("label ")]
     assert labels and all(text.get_bbox_patch().get_facecolor()[:3] == (1.0, 1.0, 1.0) for text in labels)
+
+
+def test_small_amplitudes_have_a_power_of_ten_at_the_axis():
+    """Labels such as 0.00002 have too many digits."""
+    ax = hb.plot.response(hb.trace(hb.HarmonicBalance(hb.Duffing(F=1e-6), 1), "Omega", (0.9, 1.1)))
+    ax.figure.canvas.draw()
+    assert "10^{" in ax.yaxis.get_offset_text().get_text()
+    texts = [text.get_text().removeprefix(r"$\mathdefault{").removesuffix("}$") for text in ax.get_yticklabels()]
+    assert max(map(len, texts)) <= 4, texts

@@ -129,10 +129,11 @@ def sweeps(
         for curve in curves:
             response(curve, measure, element, ax, special=len(curves) == 1, jumps=False, legend=False, speeds=False,
                      dimensionless=dimensionless)  # fmt: skip
+        bands: dict[str, Any] = {}
         for s in found:
             _dots(ax, s, abscissa.scale * s.values, factor * s.amplitude(measure, element))
             for jump in s.jumps:
-                ax.axvspan(
+                bands[f"{DIRECTIONS[s.direction][2]}, jump"] = ax.axvspan(
                     *sorted(abscissa.scale * x for x in jump.interval),
                     color=DIRECTIONS[s.direction][1],
                     alpha=0.12,
@@ -148,14 +149,21 @@ def sweeps(
             add_legend(ax)
             old: Any = ax.get_legend()
             names = [text.get_text() for text in old.get_texts()]
-            ax.legend(old.legend_handles, names, loc="upper left", bbox_to_anchor=(1.01, 1.0), handlelength=2.2)
+            ax.legend(
+                [*old.legend_handles, *bands.values()],
+                [*names, *bands],
+                loc="upper left",
+                bbox_to_anchor=(1.01, 1.0),
+                handlelength=2.2,
+            )
     return ax
 
 
 def _axis(s: Sweep, model: Model | None, dimensionless: bool) -> OmegaAxis:
     """Return the axis of the parameter of a sweep."""
     units = scales(model, {}) if s.parameter == "Omega" else {}
-    return OmegaAxis(units, s.labels.get(s.parameter, s.parameter), dimensionless)
+    name = r"$\Omega$" if s.parameter == "Omega" else s.parameter
+    return OmegaAxis(units, s.labels.get(s.parameter, name), dimensionless)
 
 
 def _dots(ax: Axes, s: Sweep, x: Any, height: Any) -> None:
