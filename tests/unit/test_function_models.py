@@ -234,8 +234,10 @@ def test_a_saved_curve_runs_no_code_until_its_model_is_named_again(run):
         ["extend", "a.npz", "--to", 1.05],
         ["validate", "a.npz", "--points", 2],
         ["switch", "a.npz", "PD1"],
+        ["results", "a.npz"],
     ):
         code, _, err = run(*command)
+        assert "hbgear.load" not in err and '("' not in err  # no other text in quotation marks around it
         assert code == 2 and "it was in mine.py:two: name it again if you trust it, by --model" in err
     assert run("extend", "a.npz", "--to", 1.05, "--model", "mine.py:two")[0] == 0
     assert run("validate", "a.npz", "--points", 2, "--model", "mine.py:two", "--tolerance", 1e-2)[0] == 0

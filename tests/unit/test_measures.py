@@ -120,6 +120,7 @@ def test_units():
     assert measures.Measure("power", two_norm, "power", dimension=2).unit_for("um") == "um^2"
     assert measures.Measure("level", two_norm, "level", unit="dB").unit_for("um") == "dB"
     assert measures.axis_text("crest", "$d$ [um], gap L") == "crest factor of $d$, gap L [-]"
+    assert measures.axis_text("crest", measures.motion_text({}, ("stop",), 0)) == "crest factor of $d$, stop [-]"
     assert measures.axis_text("H2", "$d$ [um]") == "harmonic 2 of $d$ [um]"
 
 

@@ -217,9 +217,8 @@ def problem_along(branch: Branch, problem: Any = None) -> HarmonicBalance:
     try:
         return rebuild_problem(branch.meta)
     except (KeyError, TypeError, ValueError) as error:
-        raise ValueError(
-            f"machine_quantities needs the model; load the branch with hbgear.load(path, problem=...) ({error})"
-        ) from None
+        reason = error.args[0] if error.args else error  # the text of a KeyError has quotation marks
+        raise ValueError(f"the equations of this curve are needed, but {reason}") from None
 
 
 def with_known_problem(branch: Branch) -> Branch:

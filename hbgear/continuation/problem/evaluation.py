@@ -68,14 +68,14 @@ Pursuit: TypeAlias = Callable[
 ]
 """Compiled continuation loop that follows the rules of `hbgear.continuation.stepping.kernels`.
 
-The arguments are those of `hbgear.harmonic.equations.continuation_kernel.pursue` without the first.
+The arguments are those of `hbgear.harmonic.equations.continuation_kernel.trace_compiled` without the first.
 """
 
 
 Locating: TypeAlias = Callable[[Array, int, float, int, Array, Array], tuple[int, float]]
 """Compiled Newton iteration for a point of a curve.
 
-The arguments are those of `hbgear.harmonic.equations.newton_kernels.located` without the first two.
+The arguments are those of `hbgear.harmonic.equations.newton_kernels.locate` without the first two.
 """
 
 FOLD, HELD = -1, -2

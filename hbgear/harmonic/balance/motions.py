@@ -262,5 +262,5 @@ class PeriodicMotions(HarmonicEquations):
             verify_multipliers(self, X, name, values, seen, parameters, work)
 
     def postprocess(self, branch: Branch, observed: Sequence[Mapping[str, Any]]) -> Branch:
-        """Return the branch with the errors of reductions; see `hbgear.harmonic.postprocess`."""
+        """Return the branch with the errors of reductions; see `hbgear.harmonic.balance.postprocess`."""
         return postprocess(self, branch, observed)

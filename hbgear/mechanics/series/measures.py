@@ -106,6 +106,9 @@ MEASURES: dict[str, Measure] = {
 BUILT_IN_MEASURES = tuple(MEASURES)
 """Names of the measures of hbgear."""
 
+UNKNOWN_UNIT = " (model units)"
+"""End of the text of a motion whose unit is unknown."""
+
 _HARMONIC = re.compile(r"H(\d+)(?:/([1-9]\d*))?")
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
@@ -272,7 +275,7 @@ def motion_text(labels: Mapping[str, str], elements: Sequence[str] = (), index: 
     """
     if "amplitude" in labels:
         return labels["amplitude"] + (f", {elements[index]}" if len(elements) > 1 else "")
-    return f"$d$, {elements[index]} (model units)" if elements else "$d$ (model units)"
+    return f"$d$, {elements[index]}{UNKNOWN_UNIT}" if elements else f"$d${UNKNOWN_UNIT}"
 
 
 def axis_text(name: str, motion: str) -> str:
@@ -285,6 +288,8 @@ def axis_text(name: str, motion: str) -> str:
     bracket = re.search(r"\s*\[([^\[\]]*)\]", motion)
     unit = entry.unit_for(bracket[1] if bracket else "")
     symbol = motion.replace(bracket[0], "", 1) if bracket else motion
+    if not entry.dimension:  # a ratio has no unit of the motion
+        symbol = symbol.removesuffix(UNKNOWN_UNIT)
     return f"{entry.text} of {symbol}{f' [{unit}]' if unit else ''}"
 
 
