@@ -302,9 +302,10 @@ def jump_map(
 ) -> JumpMap:
     """Compute the jump-up and jump-down frequencies over a design parameter.
 
-    Response curves that cover the range of Omega at `seeds` values of the parameter are searched for folds, and each
-    fold is followed in the parameter through the span. A fold curve that intersects none of the response curves is
-    missed: use more seeds if jumps appear and vanish within the span.
+    Response curves that cover the range of Omega at `seeds` values of the parameter, and at the value of the model if
+    it is within the span, are searched for folds, and each fold is followed in the parameter through the span. A fold
+    curve that intersects none of the response curves is missed: use more seeds if jumps appear and vanish within the
+    span.
 
     Parameters
     ----------
@@ -319,7 +320,7 @@ def jump_map(
     harmonics : int, optional
         Harmonic truncation order H if a model is given. The default is 16.
     seeds : int, optional
-        Number of response curves, 2 to 1000. The default is 3.
+        Number of equidistant values of response curves, 2 to 1000. The default is 3.
     steps : StepControl, optional
         Step size control of the fold curves.
     progress : callable, optional
@@ -369,7 +370,7 @@ def jump_map(
         search.curves = {curve.fixed[parameter]: curve for curve in known.curves}
     value, gap = low, ""
     try:
-        for value in _seed_values(low, high, seeds):
+        for value in _seed_values(low, high, seeds, problem.value_of(parameter)):
             search.follow_folds_at(value)
         gap = search.gap()
     except (Exception, KeyboardInterrupt) as error:
@@ -495,10 +496,10 @@ def _to_infinity(fold: Branch) -> str:
     return f"the motion of a fold grows without bound at {ends}"
 
 
-def _seed_values(low: float, high: float, count: int) -> list[float]:
-    """Return equidistant values, both ends first."""
-    inner = list(np.linspace(low, high, count)[1:-1])
-    return [low, high, *map(float, inner)]
+def _seed_values(low: float, high: float, count: int, model_value: float) -> list[float]:
+    """Return equidistant values, both ends first, and the value of the model if it is between the ends."""
+    values = [low, high, *map(float, np.linspace(low, high, count)[1:-1])]
+    return [*values, model_value] if low < model_value < high and model_value not in values else values
 
 
 def _fold_curve(equations: Any, point: Point, parameter: str, span: tuple[float, float], steps: StepControl) -> Branch:
@@ -508,22 +509,19 @@ def _fold_curve(equations: Any, point: Point, parameter: str, span: tuple[float,
 
 
 def _arms(problem: HarmonicBalance, fold: Branch) -> list[Arm]:
-    """Return the monotonic sections of a fold curve between its cusps."""
-    cuts = [0, *(p.index for p in fold.special if p.kind in TURNING_KINDS), len(fold) - 1]
+    """Return the monotonic sections of a fold curve between its cusps; a closed curve starts within one of them."""
+    cuts = [p.index for p in fold.special if p.kind in TURNING_KINDS]
+    sections = [np.arange(a, b + 1) for a, b in pairwise([0, *cuts, len(fold) - 1])]
+    if fold.status is Status.CLOSED and cuts:
+        sections = [np.append(sections[-1], sections[0][1:]), *sections[1:-1]]
     extended = equations_of_curve(problem, fold)
     out = []
-    for a, b in pairwise(cuts):
-        if b - a < 1:
+    for section in sections:
+        if len(section) < 2:
             continue
-        middle = (a + b) // 2 if b - a > 1 else a
+        middle = int(section[(len(section) - 1) // 2])
         U = np.append(fold.X[middle], fold.tracked["Omega"][middle])
         parameters = {k: v for k, v in fold.parameters_at(middle).items() if k != "Omega"}
-        order = np.argsort(fold.values[a : b + 1])
-        out.append(
-            Arm(
-                fold.values[a : b + 1][order],
-                fold.tracked["Omega"][a : b + 1][order],
-                extended.direction(U, **parameters),
-            )
-        )
+        ascending = section[np.argsort(fold.values[section])]
+        out.append(Arm(fold.values[ascending], fold.tracked["Omega"][ascending], extended.direction(U, **parameters)))
     return out

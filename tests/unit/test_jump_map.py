@@ -39,7 +39,36 @@ def jumps(problem):
     return jump_map(problem, "zeta", SPAN, seeds=2, **NEAR)
 
 
+@hb.mechanics.model
+def rotor(e: float = 0.08):
+    """A rotor with unbalance that meets a stop; it jumps for 0.051 < e < 0.249."""
+    stop = hb.Element([1.0], hb.Unilateral(k=4.0, gap=0.5), name="stop")
+    return hb.System([[1.0]], [[0.1]], [[1.0]], [stop], hb.Load(cosine={1: [e]}, power=2))
+
+
 # ---- jump maps
+
+
+@pytest.fixture(scope="module")
+def rotor_jumps():
+    return jump_map(rotor(), "e", (0.03, 0.3), frequencies=(0.8, 1.6), harmonics=8, seeds=2)
+
+
+@pytest.mark.parametrize("e", [0.08, 0.1])
+def test_jumps_between_two_curves_without_jumps_are_those_of_response_curves(rotor_jumps, e):
+    """The fold curve is closed, between e = 0.051 and 0.249, and starts at the value of the model, e = 0.08."""
+    problem = HarmonicBalance(rotor(), 8)
+
+    def folds(value):
+        curve = trace(problem, "Omega", (0.8, 1.6), at={"e": value}, stability=False, accuracy=None)
+        return sorted(p.parameters["Omega"] for p in curve.special if p.kind == "LP")
+
+    assert [fold.status for fold in rotor_jumps.folds] == [Status.CLOSED]
+    assert [folds(end) for end in rotor_jumps.span] == [[], []]
+    found = rotor_jumps.jumps_at(e)
+    assert [direction for _, direction in found] == [-1, 1]
+    np.testing.assert_allclose([Omega for Omega, _ in found], folds(e), rtol=0, atol=2e-5)
+    assert rotor_jumps.several_motions(e) == [(found[0][0], found[1][0])]
 
 
 @pytest.mark.parametrize("zeta", [0.112, 0.115, 0.1175])
@@ -192,7 +221,7 @@ def test_a_map_backwards_is_the_same_and_reports_progress(problem, jumps):
     np.testing.assert_allclose(other.jumps_at(0.114), jumps.jumps_at(0.114), rtol=0, atol=1e-5)
     assert said[0] == "response curve at zeta = 0.112"
     assert sum("followed in zeta" in line for line in said) == 1
-    assert sum("response curve" in line for line in said) == 2
+    assert sum("response curve" in line for line in said) == 3  # the ends, and the model with zeta = 0.117
 
 
 def test_outside_of_its_values_an_arm_has_no_jump():
