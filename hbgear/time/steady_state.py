@@ -213,38 +213,34 @@ def disturbed(
     return integrator.from_modal(z + ratio * (size / unit) * direction)
 
 
-def lyapunov(integrator: ExponentialIntegrator, motions: StateBatch, periods: int = 400) -> float:
-    """Return the largest Lyapunov exponent of one motion, per unit of time, from a rescaled neighbouring motion.
+def growth_rates(integrator: ExponentialIntegrator, motions: StateBatch, periods: int) -> Array:
+    """Return the mean logarithmic growth (B,) of a disturbance per period: the largest Lyapunov exponent times T.
 
-        lambda = lim (1 / t) sum_p log(|delta_p| / |delta_0|)
+        sum_p log(|delta_p| / |delta_0|) / P
 
-    The first quarter of the periods, in which the disturbance turns to the direction of largest growth, is left out.
-
-    Parameters
-    ----------
-    integrator : ExponentialIntegrator
-        Integrator of the motion.
-    motions : StateBatch
-        The motion; it is not changed.
-    periods : int, optional
-        Number of excitation periods. Default: 400.
-
-    Returns
-    -------
-    float
-        Largest Lyapunov exponent.
+    Each motion has a neighbour at a distance of 1e-8, which is rescaled after each period. The first quarter of the
+    periods, in which the disturbance turns to the direction of largest growth, is left out. The motions are not
+    changed.
     """
+    count = len(motions.d)
+    indices = np.tile(np.arange(count), 2)
+    pair, pair_integrator = motions.select(indices), integrator.select(indices)
     weights = integrator.weights()
-    pair = motions.select(np.array([0, 0]))
-    small = 1e-8 * (float(np.linalg.norm(weights * integrator.to_modal(motions)[0])) or 1.0)
-    delta = integrator.modal(np.ones((1, 2 * integrator.structures[0].n)))[0]
-    logs = []
-    for _ in range(periods):
-        delta = delta * (small / np.linalg.norm(weights * delta))
-        z = integrator.to_modal(pair)
-        z[1] = z[0] + delta
-        pair = integrator.from_modal(z)
-        integrator.advance(pair)
-        delta = pair.zeta[1] - pair.zeta[0]
-        logs.append(np.log(np.linalg.norm(weights * delta) / small))
-    return float(np.mean(logs[periods // 4 :]) * integrator.Omega[0] / (2 * np.pi))
+    small = 1e-8 * np.maximum(np.linalg.norm(weights * integrator.to_modal(motions), axis=1), 1e-12)
+    delta = integrator.modal(np.ones((count, 2 * integrator.structures[0].n)))
+    logs = np.empty((periods, count))
+    for p in range(periods):
+        delta = delta * (small / np.linalg.norm(weights * delta, axis=1))[:, None]
+        z = pair_integrator.to_modal(pair)
+        z[count:] = z[:count] + delta
+        pair = pair_integrator.from_modal(z)
+        pair_integrator.advance(pair)
+        delta = pair.zeta[count:] - pair.zeta[:count]
+        logs[p] = np.log(np.maximum(np.linalg.norm(weights * delta, axis=1), 1e-300) / small)
+    out: Array = logs[periods // 4 :].mean(axis=0)
+    return out
+
+
+def lyapunov(integrator: ExponentialIntegrator, motions: StateBatch, periods: int = 400) -> float:
+    """Return the largest Lyapunov exponent of one motion, per unit of time; see `growth_rates`."""
+    return float(growth_rates(integrator, motions, periods)[0] * integrator.Omega[0] / (2 * np.pi))

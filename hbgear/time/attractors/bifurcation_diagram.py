@@ -20,10 +20,10 @@ from hbgear.common.arrays import Array
 from hbgear.common.process.progress import ProgressCallback
 from hbgear.common.ranges import checked, counted
 from hbgear.mechanics.models import Model
-from hbgear.time.attractors.verdicts import Verdict, equal_digits, growth_rates, verdict_of
+from hbgear.time.attractors.verdicts import Verdict, equal_digits, verdict_of
 from hbgear.time.exponential.integrator import ExponentialIntegrator
 from hbgear.time.frequency_sweep import Sweep, sweep
-from hbgear.time.steady_state import SteadyStateSettings
+from hbgear.time.steady_state import SteadyStateSettings, growth_rates
 
 _MAX_VALUES = 100_000
 """Largest number of values of the parameter [-]."""

@@ -21,8 +21,8 @@ from hbgear.continuation.results.branch import Branch
 from hbgear.harmonic.autonomous.tori.layout import SECOND
 from hbgear.harmonic.autonomous.tori.problem import TorusProblem
 from hbgear.harmonic.autonomous.tori.stability import birkhoff_weights
-from hbgear.time.attractors.verdicts import growth_rates
 from hbgear.time.exponential.integrator import ExponentialIntegrator
+from hbgear.time.steady_state import growth_rates
 
 _MAX_PERIODS = 100_000
 """Largest number of integrated periods [-]."""

@@ -65,45 +65,6 @@ class Verdict(StrEnum):
     UNDECIDED = "undecided"
 
 
-def growth_rates(integrator: ExponentialIntegrator, motions: StateBatch, periods: int) -> Array:
-    """Return the mean logarithmic growth (B,) of a disturbance per period: the largest Lyapunov exponent times T.
-
-    Each motion has a neighbour at a distance of 1e-8, which is rescaled after each period. The first quarter of the
-    periods, in which the disturbance turns to the direction of largest growth, is left out.
-
-    Parameters
-    ----------
-    integrator : ExponentialIntegrator
-        Integrator of the motions.
-    motions : StateBatch
-        Motions; they are not changed.
-    periods : int
-        Number of excitation periods.
-
-    Returns
-    -------
-    ndarray, shape (B,)
-        Growth rates.
-    """
-    count = len(motions.d)
-    indices = np.tile(np.arange(count), 2)
-    pair, pair_integrator = motions.select(indices), integrator.select(indices)
-    weights = integrator.weights()
-    small = 1e-8 * np.maximum(np.linalg.norm(weights * integrator.to_modal(motions), axis=1), 1e-12)
-    delta = integrator.modal(np.ones((count, 2 * integrator.structures[0].n)))
-    logs = np.empty((periods, count))
-    for p in range(periods):
-        delta = delta * (small / np.linalg.norm(weights * delta, axis=1))[:, None]
-        z = pair_integrator.to_modal(pair)
-        z[count:] = z[:count] + delta
-        pair = pair_integrator.from_modal(z)
-        pair_integrator.advance(pair)
-        delta = pair.zeta[count:] - pair.zeta[:count]
-        logs[p] = np.log(np.maximum(np.linalg.norm(weights * delta, axis=1), 1e-300) / small)
-    out: Array = logs[periods // 4 :].mean(axis=0)
-    return out
-
-
 def equal_digits(integrator: ExponentialIntegrator, motions: StateBatch, lag: np.ndarray) -> tuple[Array, Array]:
     """Return the equal digits (B,) of two weighted averages, and the change of the returns between the two sections.
 
