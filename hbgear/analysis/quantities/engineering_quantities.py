@@ -187,13 +187,7 @@ def transmission_error(motions: Branch | Point, element: int | str = 0) -> Array
     >>> bool(np.allclose(transmission_error(curve), hb.analysis.machine_quantities(curve)["dte, half peak-to-peak"]))
     True
     """
-    if isinstance(motions, Branch):
-        problem, X = problem_along(motions), np.asarray(motions.X)
-        sets = [motions.parameters_at(i) for i in range(len(motions))]
-    else:
-        if not isinstance(motions.problem, HarmonicBalance):
-            raise ValueError("the transmission error of a point needs the problem of its branch")
-        problem, X, sets = motions.problem.at_resolution_of(motions), motions.X[None], [dict(motions.parameters)]
+    problem, X, sets = problem_and_motions(motions, "the transmission error of a point")
     index, values, scale = problem.layout.index(element), np.empty(len(X)), None
     before: dict[str, float] | None = None
     for i, (row, parameters) in enumerate(zip(X, sets, strict=True)):
@@ -219,6 +213,15 @@ def problem_along(branch: Branch, problem: Any = None) -> HarmonicBalance:
     except (KeyError, TypeError, ValueError) as error:
         reason = error.args[0] if error.args else error  # the text of a KeyError has quotation marks
         raise ValueError(f"the equations of this curve are needed, but {reason}") from None
+
+
+def problem_and_motions(motions: Branch | Point, name: str) -> tuple[HarmonicBalance, Array, list[dict[str, float]]]:
+    """Return the problem, the unknowns (P, n) and the parameters of each motion; errors name the quantity."""
+    if isinstance(motions, Branch):
+        return problem_along(motions), np.asarray(motions.X), [motions.parameters_at(i) for i in range(len(motions))]
+    if not isinstance(motions.problem, HarmonicBalance):
+        raise ValueError(f"{name} needs the problem of its branch")
+    return motions.problem.at_resolution_of(motions), motions.X[None], [dict(motions.parameters)]
 
 
 def with_known_problem(branch: Branch) -> Branch:

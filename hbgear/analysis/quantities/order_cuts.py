@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hbgear.analysis.quantities.engineering_quantities import element_force, problem_along, total_error
+from hbgear.analysis.quantities.engineering_quantities import element_force, problem_and_motions, total_error
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import counted
@@ -87,7 +87,7 @@ def order_amplitudes(
     """
     _check(quantity)
     counted("order", order)
-    problem, X, parameter_sets = _motions(found)
+    problem, X, parameter_sets = problem_and_motions(found, "an order cut at a point")
     if order > problem.H // problem.nu:
         raise ValueError(f"order_amplitudes: no harmonic {order} among {problem.H // problem.nu}; use more harmonics")
     index, values = problem.layout.index(element), np.empty(len(X))
@@ -142,15 +142,6 @@ def _check(quantity: str) -> None:
 def _scales(motions: Branch | Point) -> Any:
     model = model_of(motions) if isinstance(motions, Branch) else getattr(motions.problem, "model", None)
     return getattr(model, "scales", None)
-
-
-def _motions(motions: Branch | Point) -> tuple[HarmonicBalance, Array, list[dict[str, float]]]:
-    """Return the problem, the unknowns (P, n) and the parameters of each motion."""
-    if isinstance(motions, Branch):
-        return problem_along(motions), np.asarray(motions.X), [motions.parameters_at(i) for i in range(len(motions))]
-    if not isinstance(motions.problem, HarmonicBalance):
-        raise ValueError("an order cut at a point needs the problem of its branch")
-    return motions.problem.at_resolution_of(motions), motions.X[None], [dict(motions.parameters)]
 
 
 def _row(

@@ -125,13 +125,13 @@ def sweep_statistics(
     rising, falling = (sweep_responses(found, frequencies, direction) for direction in (1, -1))
     stable = np.array([_stable_count(curve, frequencies) for curve in found.curves.values()])
     return SweepStatistics(
-        frequencies, levels, _quantiles(rising.amplitude, levels), _quantiles(falling.amplitude, levels),
+        frequencies, levels, quantiles_of(rising.amplitude, levels), quantiles_of(falling.amplitude, levels),
         (rising.jumped > 0).mean(axis=0), (falling.jumped > 0).mean(axis=0), (stable > 1).mean(axis=0),
         (stable > 0).mean(axis=0),
     )  # fmt: skip
 
 
-def _quantiles(amplitude: Array, levels: Array) -> Array:
+def quantiles_of(amplitude: Array, levels: Array) -> Array:
     """Return quantiles (Q, P) over the cases with a stable motion; each is the amplitude of one case."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # at frequencies without a stable motion of any case

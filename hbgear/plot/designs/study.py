@@ -6,7 +6,6 @@ Functions draw `Cases` on matplotlib axes and return the axes, in the style of `
 from __future__ import annotations
 
 import re
-import warnings
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,7 +16,7 @@ from hbgear.analysis.quantities.length_units import factor_of, in_figure, in_mic
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.design.studies.case_results import Cases
-from hbgear.design.studies.sweep_statistics import SweepResponses, sweep_responses
+from hbgear.design.studies.sweep_statistics import SweepResponses, quantiles_of, sweep_responses
 from hbgear.harmonic.models.frequency_units import MESH, PINION
 from hbgear.mechanics.series.measures import axis_text, motion_text
 from hbgear.plot.branch_sections import HEADROOM
@@ -162,13 +161,7 @@ def percentiles(found: Cases, Omega: Array, direction: int = 1) -> Array:
     >>> hb.plot.percentiles(found, np.array([0.9, 1.0])).shape
     (5, 2)
     """
-    return _percentiles(sweep_responses(found, Omega, direction).amplitude)
-
-
-def _percentiles(amplitude: Array) -> Array:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # a frequency without a stable motion gives nan
-        return np.asarray(np.nanpercentile(amplitude, PERCENTILES, axis=0, method="inverted_cdf"))
+    return quantiles_of(sweep_responses(found, Omega, direction).amplitude, np.divide(PERCENTILES, 100))
 
 
 def _bands(ax: Axes, Omega: Array, groups: list[Array], colour: str, line: str, names: tuple[str, str, str]) -> None:
@@ -177,7 +170,7 @@ def _bands(ax: Axes, Omega: Array, groups: list[Array], colour: str, line: str, 
     for i, group in enumerate(groups):
         if not counts[i].any():
             continue
-        lowest, low, middle, high, largest = _percentiles(group)
+        lowest, low, middle, high, largest = quantiles_of(group, np.divide(PERCENTILES, 100))
         labels = names if i == int(np.argmax(counts.any(axis=1))) else ("_", "_", "_")
         ax.fill_between(Omega, lowest, largest, color=colour, alpha=0.13, linewidth=0, label=labels[0])
         ax.fill_between(Omega, low, high, color=colour, alpha=0.3, linewidth=0, label=labels[1])
