@@ -143,7 +143,7 @@ def test_answers(curve, tmp_path):
     assert head.startswith("Omega [-],") and head.endswith(",stable") and len(rows) == len(curve)
     with pytest.raises(KeyError, match="there is no quantity 'dynamik factor'"):
         found["dynamik factor"]
-    with pytest.raises(ValueError, match="machine_quantities needs the model"):
+    with pytest.raises(ValueError, match="the equations of this curve are needed"):
         hb.analysis.machine_quantities(replace(curve, problem=None, meta={}))
     curve.save(tmp_path / "curve.npz")
     np.testing.assert_array_equal(
