@@ -100,7 +100,8 @@ def loaded_mesh(
     """
     torque = to_si("GearPair.mesh", "torque", torque, "N m")
     if torque <= 0:
-        raise ValueError(f"GearPair.mesh: torque = {torque:g} N m must be positive: the mesh is computed under load")
+        raise ValueError(f"GearPair.mesh: torque = {torque:g} N m must be positive: the mesh is computed under "
+                         "load, and a model without a mean torque needs torque orders")  # fmt: skip
     if not isinstance(linearized, str) or linearized not in ("secant", "tangent"):
         raise ValueError(f"GearPair.mesh: linearized = {quoted(linearized)} must be 'secant' or 'tangent'")
     counted("GearPair.mesh: phases", phases, 100_000, least=8)
