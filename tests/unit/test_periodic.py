@@ -131,6 +131,15 @@ def test_equal_parts_of_the_period(f):
     assert equal_parts([changed])[1] == 1
 
 
+def test_text_of_a_function_is_short():
+    short = hb.mechanics.Periodic.rectangular(1.2, 0.8, 0.5)
+    assert eval(repr(short), {"Periodic": hb.mechanics.Periodic}) == short
+    table = hb.mechanics.Periodic.table(np.arange(160), np.sin(np.arange(160) * TURN / 160) + 1.5, period=160)
+    assert repr(table) == "<Periodic: 160 segments, mean 1.5>"
+    pair = hb.GearPair(*(hb.gears.Gear(z, "3 mm", "20 mm") for z in (25, 40)), backlash="80 um")
+    assert len(repr(pair.model("200 N m", 0.04))) < 500 and len(repr(pair.mesh("200 N m"))) < 300
+
+
 def test_series_have_the_same_questions():
     s = hb.mechanics.Series(1.0, (0.3, 0.0), (0.0, 0.2))
     tau = np.linspace(0, 6, 7)

@@ -290,7 +290,7 @@ class GearPair:  # numpydoc ignore=PR02
         Parameters
         ----------
         torque : float or str
-            Torque on the pinion [N m], positive.
+            Mean torque on the pinion [N m]; negative if the wheel drives, zero with ``torque_orders``.
         damping : float
             Damping ratio of the mesh.
         form : {"torsion", "bearings", "spatial"}, optional

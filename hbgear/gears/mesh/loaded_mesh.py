@@ -36,6 +36,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import counted
 from hbgear.common.text.messages import quoted
@@ -69,6 +70,7 @@ class Contacts:
     widths: Array
 
 
+@checked_arguments()
 def loaded_mesh(
     pair: GearPair,
     torque: Any,

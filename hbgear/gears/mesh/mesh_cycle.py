@@ -35,7 +35,7 @@ jump.
 """
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class MeshTable:  # numpydoc ignore=PR02
     """Piecewise linear function over a mesh cycle.
 
@@ -74,6 +74,9 @@ class MeshTable:  # numpydoc ignore=PR02
             raise ValueError("Table: phases must ascend; give a phase twice for a jump and never three times")
         if x[0] != 0 or abs(x[-1] - 1) > 1e-9:
             raise ValueError(f"Table: phases go from {x[0]:g} to {x[-1]:g}; they must go from 0 to 1, one whole cycle")
+
+    def __repr__(self) -> str:
+        return f"<MeshTable: {len(self.phase)} phases, mean {self.mean:.6g}>"
 
     @property
     def mean(self) -> float:

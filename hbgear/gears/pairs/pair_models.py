@@ -26,7 +26,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from hbgear.common.argument_checks import check
+from hbgear.common.argument_checks import check, checked_arguments
 from hbgear.common.ranges import NOT_NEGATIVE, Range
 from hbgear.common.text.messages import quoted
 from hbgear.common.units import QuantityField, to_si
@@ -68,6 +68,7 @@ class _Mesh(NamedTuple):
     """Fields b, stiffness and error, or contacts, of the model."""
 
 
+@checked_arguments()
 def build_model(
     pair: GearPair,
     torque: Any,

@@ -172,7 +172,7 @@ class SlidingForces(NamedTuple):
     slopes: Array
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class MeshContacts(Law):  # numpydoc ignore=PR02
     """Sum of contacts on one displacement: the force of a mesh from its pairs of teeth.
 
@@ -208,6 +208,9 @@ class MeshContacts(Law):  # numpydoc ignore=PR02
                 f"MeshContacts: sliding has {len(self.sliding.across)} and {len(self.sliding.slide)} functions for "
                 f"{len(self.contacts)} contacts; give one of each for every contact"
             )
+
+    def __repr__(self) -> str:
+        return f"<MeshContacts: {len(self.contacts)} contacts of pairs of teeth>"  # their tables fill pages
 
     def widened(self, half_backlash: float) -> MeshContacts:
         """Return the contacts with levels moved away from zero by a half backlash."""

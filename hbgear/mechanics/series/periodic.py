@@ -38,6 +38,9 @@ from hbgear.mechanics.series.piecewise_polynomial import (
 MOST_PIECES = 2_000
 """Largest number of segments of a function: a measured mesh cycle has a few hundred samples."""
 
+_MAX_PRINTED_SEGMENTS = 8
+"""Number of segments up to which the text of a function has all of its coefficients."""
+
 _MAX_DEGREE = 3
 """Largest degree of the polynomials: products of three of them are integrated exactly by the rule of moments."""
 
@@ -48,7 +51,7 @@ _MIN_DERIVATIVE_JUMP = 1e-13
 """Jump of a derivative, relative to its size [-], below which there is no breakpoint."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Periodic:  # numpydoc ignore=PR02
     """Prescribed periodic function of the phase tau with breakpoints: a polynomial on each segment between them.
 
@@ -100,6 +103,11 @@ class Periodic:  # numpydoc ignore=PR02
             raise ValueError(
                 "Periodic: this function is constant, without a breakpoint; give a number, or Series(mean=...)"
             )
+
+    def __repr__(self) -> str:
+        if len(self.phases) > _MAX_PRINTED_SEGMENTS:
+            return f"<Periodic: {len(self.phases)} segments, mean {self.mean:.6g}>"
+        return f"Periodic(phases={self.phases}, coefficients={self.coefficients})"
 
     # ---- usual functions
 
