@@ -10,6 +10,7 @@ if TYPE_CHECKING:  # imported when they are first used
     from hbgear.io.branches.tables import export
     from hbgear.io.bridges import from_opentorsion, from_ross
     from hbgear.io.machines.machine_file import read_machine
+    from hbgear.io.machines.model_file import read_model
     from hbgear.io.machines.structure_file import read_structure
     from hbgear.io.matrices import Matrices, from_matrices
     from hbgear.io.receptance_files import from_receptances
@@ -25,6 +26,7 @@ __all__ = [
     "load",
     "read_machine",
     "read_mesh_table",
+    "read_model",
     "read_structure",
     "save",
     "to_dataframe",

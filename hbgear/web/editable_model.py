@@ -15,6 +15,7 @@ from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
+import hbgear as hb
 from hbgear.common.ranges import ANY, Range
 from hbgear.common.text.symbols import in_html, unit_of
 from hbgear.gears.pairs.drawn_pair import DrawnPair
@@ -124,17 +125,43 @@ class EditableInstance(EditableModel):
         module = cls.__module__
         importable = Path(module).stem if module.endswith(".py") else module
         source = f"from {importable} import {cls.__name__}\n" if is_user_class else ""
-        return f"{source}model = {'' if is_user_class else 'hb.'}{cls.__name__}({arguments})"
+        return f"{source}model = {'' if is_user_class else _public_prefix(cls.__name__)}{cls.__name__}({arguments})"
 
     def toml(self, values: Mapping[str, float], span: tuple[float, float], harmonics: int) -> str:
         base = {name: value for name, value in self.changed(values).items() if _is_plain(value)}
-        name, value = next(iter(self.model(values).parameters.items()))
+        name, value = _first_of(self.model(values))
         base.pop(name, None)
-        lines = ["# A study of one design; vary more of it:  hbgear study FILE", f"model = {json.dumps(self.name)}"]
-        lines += ["", "[base]", *(f"{key} = {_toml(x)}" for key, x in base.items())] if base else []
-        lines += ["", "[grid]", f"{name} = [{_toml(float(value))}]"]
-        lines += ["", "[compute]", 'what = ["peak", "jumps", "curve"]', f"harmonics = {harmonics}"]
-        return "\n".join([*lines, f"span = [{_toml(span[0])}, {_toml(span[1])}]"]) + "\n"
+        return _study_text(self.name, base, {name: value}, span, harmonics)
+
+
+class EditableFile(EditableModel):
+    """The model of a file: a structure, a train or an epicyclic set (.toml), or the model of a saved curve (.npz)."""
+
+    def __init__(self, model: Model, source: str) -> None:
+        self.start, self.source = model, source
+
+    def parameters(self) -> list[Parameter]:
+        return _labelled_parameters(self.start)
+
+    def changed(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Return the values that differ from those of the file."""
+        initial = self.start.parameters
+        return {name: value for name, value in values.items() if value != initial.get(name)}
+
+    def model(self, values: Mapping[str, float]) -> Model:
+        return self.start.replace(**self.changed(values))
+
+    def python(self, values: Mapping[str, float]) -> str:
+        arguments = ", ".join(f"{name}={value!r}" for name, value in self.changed(values).items())
+        is_curve = self.source.endswith(".npz")
+        read = f"hb.load({self.source!r}).problem.model" if is_curve else f"hb.io.read_model({self.source!r})"
+        return f"model = {read}" + (f".replace({arguments})" if arguments else "")
+
+    def toml(self, values: Mapping[str, float], span: tuple[float, float], harmonics: int) -> str:
+        if self.source.endswith(".npz"):
+            raise ValueError(f"a study needs the file of the model, not its curve {self.source}: open the explorer "
+                             "with the .toml file")  # fmt: skip
+        return _study_text(self.source, {}, self.changed(values) or dict([_first_of(self.start)]), span, harmonics)
 
 
 class EditableMachine(EditableModel):
@@ -191,6 +218,27 @@ class EditableMachine(EditableModel):
 
 _USUAL_SIZES = {"um": 50.0, "mm": 1.0}
 """Ends of the sliders of parameters that are zero, by unit."""
+
+
+def _first_of(model: Model) -> tuple[str, float]:
+    """Return the first parameter of a model and its value."""
+    return next(iter(model.parameters.items()))
+
+
+def _public_prefix(name: str) -> str:
+    """Return the module of a model class of hbgear for the user: hb. or hb.gears."""
+    return "hb.gears." if name not in hb.__all__ and name in hb.gears.__all__ else "hb."
+
+
+def _study_text(
+    model: str, base: Mapping[str, Any], grid: Mapping[str, float], span: tuple[float, float], harmonics: int
+) -> str:
+    """Return the text of a study of one design: fields of its base, and its values of the grid."""
+    lines = ["# A study of one design; vary more of it:  hbgear study FILE", f"model = {json.dumps(model)}"]
+    lines += ["", "[base]", *(f"{key} = {_toml(x)}" for key, x in base.items())] if base else []
+    lines += ["", "[grid]", *(f"{key} = [{_toml(float(x))}]" for key, x in grid.items())]
+    lines += ["", "[compute]", 'what = ["peak", "jumps", "curve"]', f"harmonics = {harmonics}"]
+    return "\n".join([*lines, f"span = [{_toml(span[0])}, {_toml(span[1])}]"]) + "\n"
 
 
 def _labelled_parameters(model: Model) -> list[Parameter]:

@@ -122,6 +122,41 @@ def test_python_and_toml_make_the_same_model(subject, tmp_path):
         assert (study.work.span, study.work.harmonics) == (SPAN, 8)
 
 
+STRUCTURE = """matrices = { M = [[1.0]], C = [[0.1]], K = [[1.0]] }
+element = [{ direction = [1.0], law = "unilateral", k = 2.0, gap = 0.1 }]
+load = [{ cosine = { 1 = [0.2] } }]
+"""
+
+
+def test_structures_of_files_and_of_their_curves_are_explored(tmp_path, monkeypatch):
+    """The Python text and the study of the page give the model of its sliders."""
+    monkeypatch.chdir(tmp_path)
+    Path("stop.toml").write_text(STRUCTURE, encoding="utf-8")
+    with pytest.raises(ValueError, match=r"--from and --to are needed.* 0.9987"):
+        explored("stop.toml", None, None)
+    subject, span, H, _ = explored("stop.toml", None, None, ends=("0.5", "1.5"))
+    assert (span, H, {p.name: p.value for p in subject.parameters()}) == ((0.5, 1.5), 16, {"k": 2.0, "gap": 0.1})
+    values = {"k": 2.0, "gap": 0.2}
+    names = {}
+    exec(f"import hbgear as hb\n{subject.python(values)}", names)
+    assert names["model"].parameters == subject.model(values).parameters == values
+    Path("study.toml").write_text(subject.toml(values, span, 8), encoding="utf-8")
+    study = read_study("study.toml")
+    assert study.model.replace(**next(study.vary.rows())).parameters == values
+    hb.trace(hb.HarmonicBalance(hb.io.read_model("stop.toml"), 3), "Omega", (0.5, 0.6)).save("stop.npz")
+    subject, span, *_ = explored("stop.npz", None, None)
+    exec(f"import hbgear as hb\n{subject.python(values)}", names)
+    assert names["model"].parameters == subject.model(values).parameters == values and span == (0.5, 0.6)
+    with pytest.raises(ValueError, match=r"a study needs the file of the model, not its curve stop\.npz"):
+        subject.toml(values, span, 8)
+
+
+def test_python_text_names_public_classes():
+    assert (
+        EditableInstance(hb.gears.DoubleHelicalPair(), "double-helical").python({}).startswith("model = hb.gears.Dou")
+    )
+
+
 # ---- computations
 
 

@@ -132,8 +132,6 @@ def test_equal_parts_of_the_period(f):
 
 
 def test_text_of_a_function_is_short():
-    short = hb.mechanics.Periodic.rectangular(1.2, 0.8, 0.5)
-    assert eval(repr(short), {"Periodic": hb.mechanics.Periodic}) == short
     table = hb.mechanics.Periodic.table(np.arange(160), np.sin(np.arange(160) * TURN / 160) + 1.5, period=160)
     assert repr(table) == "<Periodic: 160 segments, mean 1.5>"
     pair = hb.GearPair(*(hb.gears.Gear(z, "3 mm", "20 mm") for z in (25, 40)), backlash="80 um")

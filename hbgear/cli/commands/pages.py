@@ -78,7 +78,7 @@ def explore(
     what: Annotated[
         str,
         typer.Argument(
-            metavar="MODEL|FILE", help="A model, the .toml of a machine or a study, or a saved curve (.npz)."
+            metavar="MODEL|FILE", help="A model, the .toml of a machine, structure or study, or a saved curve (.npz)."
         ),
     ],
     changes: options.Changes = None,
@@ -109,7 +109,7 @@ def explore(
 
     check_installed()
     needed("flask", "explore", "the explorer")
-    subject, span, H, saved = explored(what, changes, model, allow_code)
+    subject, span, H, saved = explored(what, changes, model, allow_code, (first, last))
     model_shown = subject.model({})
     span = (span[0] if first is None else Omega_of(model_shown, "--from", first),
             span[1] if last is None else Omega_of(model_shown, "--to", last))  # fmt: skip
@@ -125,13 +125,20 @@ def explore(
 
 
 def explored(
-    source: str, changes: list[str] | None, model_class_name: str | None, allow_code: bool = False
+    source: str,
+    changes: list[str] | None,
+    model_class_name: str | None,
+    allow_code: bool = False,
+    ends: tuple[str | None, str | None] = (None, None),
 ) -> tuple[EditableModel, tuple[float, float], int, hb.Branch | None]:
     """Return the model or machine to explore, its span and harmonics at the start, and the curve of a file."""
     from hbgear.design.studies.samples import Grid
     from hbgear.design.studies.study_file import is_study, read_study
     from hbgear.io.machines.machine_file import read_machine
-    from hbgear.web.editable_model import EditableInstance, EditableMachine
+    from hbgear.io.machines.model_file import read_model
+    from hbgear.io.machines.structure_file import is_structure
+    from hbgear.io.machines.train_file import is_train
+    from hbgear.web.editable_model import EditableFile, EditableInstance, EditableMachine
 
     if changes and source.endswith((".npz", ".toml")):
         defining = "curve" if source.endswith(".npz") else "file"
@@ -142,12 +149,17 @@ def explored(
         if branch.parameter != "Omega" or branch.tracked:
             raise ValueError(f"'{source}' is a curve in {branch.parameter}; the explorer draws curves in Omega")
         model, layout = problem.model.at(branch.fixed), layout_of(branch)
-        subject = EditableInstance(model, model_class_name or _name_of(model))
+        name = model_class_name or _name_of(model)
+        is_structure_of_file = isinstance(model, hb.System) and bool(model.parameters)
+        subject = EditableFile(model, source) if is_structure_of_file else EditableInstance(model, name)
         return subject, traced_span(branch), layout.harmonics if layout else 16, branch
     if source.endswith(".toml") and is_study(source):
         study = read_study(source, allow_code)
         model = study.model.replace(**next(study.vary.rows())) if isinstance(study.vary, Grid) else study.model
         return EditableInstance(model, _name_of(study.model)), study.work.span, study.work.harmonics, None
+    if source.endswith(".toml") and (is_train(source) or is_structure(source)):
+        model = read_model(source)
+        return EditableFile(model, source), span_of(model, *ends), 16, None
     if source.endswith(".toml"):
         machine_file = read_machine(source)
         return EditableMachine(machine_file), machine_file.model().default_span, 16, None

@@ -38,9 +38,6 @@ from hbgear.mechanics.series.piecewise_polynomial import (
 MOST_PIECES = 2_000
 """Largest number of segments of a function: a measured mesh cycle has a few hundred samples."""
 
-_MAX_PRINTED_SEGMENTS = 8
-"""Number of segments up to which the text of a function has all of its coefficients."""
-
 _MAX_DEGREE = 3
 """Largest degree of the polynomials: products of three of them are integrated exactly by the rule of moments."""
 
@@ -105,11 +102,7 @@ class Periodic:  # numpydoc ignore=PR02
             )
 
     def __repr__(self) -> str:
-        if len(self.phases) > _MAX_PRINTED_SEGMENTS:
-            return f"<Periodic: {len(self.phases)} segments, mean {self.mean:.6g}>"
-        return f"Periodic(phases={self.phases}, coefficients={self.coefficients})"
-
-    # ---- usual functions
+        return f"<Periodic: {len(self.phases)} segments, mean {self.mean:.6g}>"
 
     @staticmethod
     @checked_arguments()
