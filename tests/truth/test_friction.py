@@ -5,6 +5,7 @@ The motions are computed without hbgear: event-exact shooting of x'' + .02 x' + 
 
 import numpy as np
 import pytest
+import scipy
 from machines import chain
 
 import hbgear as hb
@@ -229,3 +230,45 @@ def test_bad_input(make, message):
 def _moved():
     step = hb.mechanics.Periodic.trapezoidal(0.2, 0.1, 0.3, 0.2)
     return hb.System([[1.0]], [[0.1]], [[1.0]], [hb.Element([1.0], ONE, displacement=step, name="x")])
+
+
+def motion_with_stops(Omega, load, limit, k):
+    """Return x at 1024 times of the period of x'' + .1 x' + x + f = load cos(Omega t), integrated from stop to stop."""
+    period, y, slip = 2 * np.pi / Omega, np.array([0.1, 0.0, 0.0]), 0
+    times, path = np.arange(1024) * period / 1024, np.empty(1024)
+
+    def rates(t, y, slip):
+        return [y[1], load * np.cos(Omega * t) - 0.1 * y[1] - y[0] - y[2], 0.0 if slip else k * y[1]]
+
+    def reversal(t, y, slip):
+        return slip * y[1] if slip else limit - abs(y[2])
+
+    reversal.terminal, reversal.direction = True, -1
+    for _ in range(150):
+        t, start = 0.0, y
+        while t < period:
+            run = scipy.integrate.solve_ivp(
+                rates, (t, period), y, "DOP853", None, True, reversal, args=(slip,), rtol=1e-10, atol=1e-12
+            )
+            inside = (times >= t) & (times <= run.t[-1])
+            path[inside] = run.sol(times[inside])[0]
+            t, y = run.t[-1], run.y[:, -1]
+            if run.status == 1:
+                slip = 0 if slip else int(np.sign(y[2]))
+        if np.abs(y - start).max() < 1e-7:
+            return path
+    raise AssertionError("the motion is not periodic")
+
+
+@pytest.mark.slow
+def test_the_error_of_motions_with_several_stops_is_stated():
+    """Errors were up to 4 times too small, or 14 times too large where a truncated harmonic is in resonance."""
+    law = hb.mechanics.Coulomb(0.4, 200.0)
+    system = hb.System([[1.0]], [[0.1]], [[1.0]], [hb.Element([1.0], law, name="x")], hb.Load(cosine={1: [0.45]}))
+    problem = hb.HarmonicBalance(system, 16)
+    curve = hb.trace(problem, "Omega", (0.6, 1.5), special=False, stability=False, accuracy=None)
+    for Omega in (0.63, 0.85, 0.88, 0.916, 1.32):
+        i = int(np.argmin(np.abs(curve.values - Omega)))
+        x = motion_with_stops(curve.values[i], 0.45, 0.4, 200.0)
+        error = np.sqrt(np.mean((curve[i].samples(0, 1024)[1] - x) ** 2))
+        assert error / 3 < curve.error[i] < 3 * error

@@ -100,9 +100,10 @@ def add_resolution_error(
 ) -> None:  # fmt: skip
     """Replace ``"error"`` by the error of resolution where this is larger, for motions X (P, n) at values (P,).
 
-    Some of successive motions are checked. Between them, the error of laws evaluated by AFT and of damped contacts is
-    interpolated. For laws that are projected exactly, the ratio to the truncation error, which is zero without contact,
-    is interpolated instead.
+    Some of successive motions are checked. Between them, the error of laws evaluated by AFT, of damped contacts and of
+    friction is interpolated. For stops, the ratio to the truncation error, which is zero without contact, is
+    interpolated instead. With friction, this ratio has a minimum wherever a truncated harmonic is in resonance with the
+    stuck slider.
     """
     if not len(X):
         return
@@ -112,7 +113,7 @@ def add_resolution_error(
         checked, interval, unit = np.arange(len(X)), CHECK_INTERVAL, np.ones(len(X))
     elif len(evaluator.breakpoints) or evaluator.sliders:
         checked = np.flatnonzero(truncation > MIN_CHECKED_ERROR * np.linalg.norm(X, axis=1))
-        interval, unit = PROJECTED_CHECK_INTERVAL, truncation
+        interval, unit = PROJECTED_CHECK_INTERVAL, np.ones(len(X)) if evaluator.sliders else truncation
     else:
         return
     subset = every(interval, checked)
