@@ -329,14 +329,16 @@ def _spring_table(
     stiffness: Phased, displacement: Phased, level: Phased | None, nu: int, length: int
 ) -> _SpringTable:  # fmt: skip
     """Return the table of a spring with integrals up to order ``length`` - 1; w is 0 without breakpoints."""
-    from hbgear.harmonic.forces.piecewise_kernels import integrals
-
     k = _segments_of(stiffness, nu)
     w = _segments_of(displacement, nu).scaled(-1.0 if displacement.corners else 0.0)
     if level is not None:
         w = w.plus(pieces_of(level, nu).scaled(-1.0))
     kw = k.times(w)
     (k, kw), repeats = equal_parts([Pieced(kw.at, k.rows_at(kw.at)), kw])
+    if level is None:
+        return _SpringTable(k, kw, repeats, np.stack([f.integrals(length, repeats) for f in (k, kw)], axis=1))
+    from hbgear.harmonic.forces.piecewise_kernels import integrals
+
     segments = len(k.at) // repeats
     moments = np.zeros((segments + 1, 2, length), dtype=complex)
     for i, function in enumerate((k, kw)):

@@ -121,11 +121,16 @@ class Pieced:
         piece = np.searchsorted(self.at, merged, side="right") - 1
         return Pieced(merged, shift_origin(self.rows[piece], merged - self.at[piece]))
 
-    def integrals(self, count: int) -> ComplexArray:
-        """Return int_0^theta f exp(-i n x) dx (T + 1, count) at the beginnings and at 2 pi, n = 0 .. count - 1."""
-        factors = np.exp(-1j * np.outer(self.at, np.arange(count)))
-        out = np.zeros((len(self.at) + 1, count), dtype=complex)
-        np.cumsum(moments(self.rows, self.widths, count) * factors, axis=0, out=out[1:])
+    def integrals(self, count: int, parts: int = 1) -> ComplexArray:
+        """Return int_0^theta f exp(-i n x) dx (T + 1, count), n = 0 .. count - 1, over the first of equal parts.
+
+        theta are the beginnings of its T segments and its end. Functions have equal parts by `equal_parts`.
+        """
+        T = len(self.at) // parts
+        at, widths = self.at[:T], np.diff(np.append(self.at[:T], TURN / parts))
+        factors = np.exp(-1j * np.outer(at, np.arange(count)))
+        out = np.zeros((T + 1, count), dtype=complex)
+        np.cumsum(moments(self.rows[:T], widths, count) * factors, axis=0, out=out[1:])
         return out
 
 
