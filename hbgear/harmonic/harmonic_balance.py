@@ -185,10 +185,10 @@ class HarmonicBalance(PeriodicMotions):
 
     def own_trace(
         self, span: tuple[float, float], start: Any, settings: Any, cover: bool, unresolved: bool = False
-    ) -> Branch | None:
-        """Return a curve of hard stops, which H harmonics do not resolve, in contact instants; else None."""
+    ) -> Branch | str | None:
+        """Return a curve of hard stops, which H harmonics do not resolve; see `trace_hard_stops`."""
         function = "hbgear.harmonic.contact_instants.hard_stops.trace_hard_stops"
-        curve: Branch | None = call(function, self, span, start, settings, cover, unresolved)
+        curve: Branch | str | None = call(function, self, span, start, settings, cover, unresolved)
         return curve
 
     # ---- other harmonics

@@ -109,3 +109,28 @@ def test_an_interrupted_curve_in_contact_instants_is_the_result():
     curve = hb.trace(hard_stop(), "Omega", (2.2, 0.6), progress=interrupt)
     assert curve.status is hb.Status.INTERRUPTED and len(values) == 30
     assert curve.values[-1] == values[-1] and "traced in contact instants" in curve.message
+
+
+def test_the_message_states_why_a_curve_in_contact_instants_was_not_completed(monkeypatch):
+    """The balance of a hard stop ends at the first grazing; its message has the reason of the other attempt."""
+    import hbgear.harmonic.contact_instants.problem as exact
+
+    def no_motion(*_, **__):
+        raise hb.NoConvergence("no exact motion at all", np.zeros(1), {}, [])
+
+    monkeypatch.setattr(exact, "first_curve", no_motion)
+    balance = hb.HarmonicBalance(hard_stop().model, 16)
+    curve = hb.trace(balance, "Omega", (2.2, 1.9), steps=hb.StepControl(max_points=3))
+    assert curve.status is hb.Status.MAX_POINTS
+    assert curve.message.endswith("contact instants were tried: no exact motion at all")
+
+
+def test_harmonics_that_are_not_stored_are_no_error_of_an_exact_curve(tmp_path):
+    """With 2 harmonics instead of 16 the special points are the same to rounding; the warning does not advise more."""
+    curves = [hb.trace(hb.ContactInstants(hard_stop().model, H), "Omega", (1.5, 1.2)) for H in (2, 16)]
+    points = [[point.parameters["Omega"] for point in curve.special] for curve in curves]
+    np.testing.assert_allclose(*points, rtol=1e-10)
+    curves[0].save(tmp_path / "curve.npz")
+    for curve in (curves[0], hb.load(tmp_path / "curve.npz")):
+        (warning,) = [text for text in curve.warnings if "harmonics" in text]
+        assert warning.startswith("the harmonics that are not stored are up to ") and "more harmonics" not in warning

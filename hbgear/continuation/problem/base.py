@@ -260,11 +260,11 @@ class ContinuationProblem:
 
     def own_trace(
         self, span: tuple[float, float], start: Any, settings: Any, cover: bool, unresolved: bool = False
-    ) -> Branch | None:
+    ) -> Branch | str | None:
         """Return the curve over a span, for problems whose equations change along a curve; by default None.
 
-        ``settings`` are the `TraceSettings`, ``cover`` is the argument of `trace`, and ``unresolved`` is True if the
-        number of unknowns did not resolve the curve. With None the curve is traced by `Tracer`.
+        ``settings`` are the `TraceSettings`, ``cover`` is the argument of `trace`, ``unresolved`` states that the number
+        of unknowns did not resolve the curve. `Tracer` follows after None, or a text why the curve was not completed.
         """
         return None
 

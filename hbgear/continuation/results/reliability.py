@@ -45,10 +45,14 @@ def branch_warnings(branch: BranchData) -> tuple[str, ...]:
     out += _contradictions(branch)
     if branch.relative_error > MAX_RELATIVE_ERROR:
         value = branch.values[int(np.nanargmax(branch.error))]
-        out.append(
-            f"the relative error of motions is up to {branch.relative_error:.0e}, at {branch.parameter} = {value:.6g}; "
-            "trace with more harmonics"
-        )
+        at = f"{branch.relative_error:.0e}, at {branch.parameter} = {value:.6g}"
+        if "discretisation" in branch.meta:  # contact instants: X are exact coefficients up to H
+            out.append(
+                f"the harmonics that are not stored are up to {at}; special points and stability are exact, measures "
+                "and figures have this error"
+            )
+        else:
+            out.append(f"the relative error of motions is up to {at}; trace with more harmonics")
     return tuple(out)
 
 

@@ -262,7 +262,7 @@ def _first_point(
         curve = problem.own_trace(span, start, setup, False)
     except (NoConvergence, ValueError):
         return None
-    if curve is None:
+    if not isinstance(curve, Branch):
         return None
     distances = np.linalg.norm(curve.X - curve.X[0], axis=1) / (problem.solution_norm(curve.X[0]) or 1.0)
     return curve[int(np.argmax(distances > offset))] if (distances > offset).any() else curve[-1]

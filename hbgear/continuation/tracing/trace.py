@@ -189,10 +189,8 @@ def trace(
     bound = Work(math.inf if work is None else float(work))
     located = resolved_events(events, requested, parameter)
     trace_settings = TraceSettings(parameter, at, steps, settings, stability, special, located, progress, accuracy)
-    branch = requested.own_trace(span, start, trace_settings, cover)
-    if branch is not None:
-        return branch
-    return _trace_refined(requested, trace_settings, span, start, cover, bound)
+    own = requested.own_trace(span, start, trace_settings, cover)
+    return own if isinstance(own, Branch) else _trace_refined(requested, trace_settings, span, start, cover, bound, own)
 
 
 def _trace_refined(
@@ -202,8 +200,12 @@ def _trace_refined(
     start: Point | BranchStart | Array | None,
     cover: bool,
     work: Work,
+    failure: str | None,
 ) -> Branch:
-    """Trace the curve; at a higher resolution if it is under-resolved, from the other end if it has no start."""
+    """Trace the curve; at a higher resolution if it is under-resolved, from the other end if it has no start.
+
+    ``failure`` states why an own curve of the problem was not completed.
+    """
     problem, refinement = requested, ""
     reversal = ""
     while True:
@@ -222,15 +224,17 @@ def _trace_refined(
         try:
             branch = tracer.run()
         except UnderResolvedError as finding:
-            problem_branch = None if refinement else requested.own_trace(span, start, settings, cover, unresolved=True)
-            if problem_branch is not None:
-                return problem_branch
+            own = None if refinement else requested.own_trace(span, start, settings, cover, unresolved=True)
+            if isinstance(own, Branch):
+                return own
+            failure = own or failure
             problem, refinement = finding.finer, str(finding)
             work = work.renewed()
             continue
-        if not refinement and not reversal:
+        reason = "" if branch.status.complete else failure
+        if not refinement and not reversal and not reason:
             return branch
-        message = "; ".join(text for text in (branch.message, refinement, reversal) if text)
+        message = "; ".join(text for text in (branch.message, refinement, reversal, reason) if text)
         return replace(branch, message=message)
 
 

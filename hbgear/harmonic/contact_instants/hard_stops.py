@@ -25,10 +25,13 @@ HARD_STOP_RATIO = 10.0
 """Frequency of the closed contact over the highest Omega from which stops are hard. It is 14 for a stop of a thousand
 times the stiffness of the mass; below it, few harmonics are the choice of the user."""
 
+_TRIED = "contact instants were tried"
+"""Begin of the reason for which a curve in contact instants was not completed."""
+
 
 def trace_hard_stops(
     balance: HarmonicBalance, span: tuple[float, float], start: Any, settings: Any, cover: bool, unresolved: bool
-) -> Branch | None:
+) -> Branch | str | None:
     """Return the curve of a harmonic balance in contact instants if its harmonics do not resolve the contacts.
 
         w = max sqrt(eig(M^-1 (K + W k W^T))),   w > 2 H Omega_low / nu,   w > 10 Omega_high
@@ -37,7 +40,8 @@ def trace_hard_stops(
     harmonic, and less than a twentieth of the period of the excitation. If a trace has shown that the harmonics do not
     resolve the curve (``unresolved``), contacts of constant stiffness are sufficient, and the curves must cover the
     span. A curve that ends at its largest number of points or is interrupted is returned in any case, because it is
-    exact as far as it goes. None is returned for other models, and if the curve cannot be completed otherwise.
+    exact as far as it goes. If the curve cannot be completed otherwise, a text states the reason. None is returned for
+    other models.
     """
     if settings.parameter != "Omega" or start is not None or balance.auto or balance.selection or balance.is_sampled:
         return None
@@ -55,13 +59,15 @@ def trace_hard_stops(
     try:
         exact = ContactInstants(balance.model, balance.H, nu=balance.nu)
         branch = exact.own_trace(span, start, settings, cover)
-    except (NotPiecewiseLinear, NoConvergence, InconsistentPatternError):
+    except NotPiecewiseLinear:
         return None
+    except (NoConvergence, InconsistentPatternError) as error:
+        return f"{_TRIED}: {error}"
     stopped = branch.status in (Status.MAX_POINTS, Status.INTERRUPTED)  # exact as far as it goes
-    if not (stopped or branch.status.complete) or (
-        unresolved and not stopped and uncovered_intervals([branch, *branch.others], span)
-    ):
-        return None
+    if not (stopped or branch.status.complete):
+        return f"{_TRIED}: {branch.message}"
+    if unresolved and not stopped and uncovered_intervals([branch, *branch.others], span):
+        return f"{_TRIED}: the curves do not cover the span"
     ratio = fastest / min(map(abs, span))
     text = f"traced in contact instants, because H = {balance.H} does not resolve contacts of {ratio:.3g} Omega"
     return replace(branch, message=f"{branch.message}; {text}")
