@@ -31,7 +31,7 @@ from hbgear.continuation.results.point import Jump, Point, SpecialPoint
 from hbgear.continuation.solvers.newton import NoConvergence, solve
 from hbgear.harmonic.equations.layout import Layout, layout_of
 from hbgear.mechanics.series.fourier import to_real
-from hbgear.time.exponential.integrator import ExponentialIntegrator
+from hbgear.time.exponential.integrator import ExponentialIntegrator, structure_of
 from hbgear.time.integration import state_of
 from hbgear.time.steady_state import OBSERVED, SteadyStateSettings, disturbed, settle
 
@@ -166,11 +166,9 @@ def reason_against(branch: Branch) -> str:
         Reason in words; empty if they are integrated.
     """
     parameters = branch.parameters_at(0)
-    try:
-        ExponentialIntegrator(branch.problem.model_at(parameters), parameters["Omega"])
-    except ValueError as error:
-        return str(error).partition(": use ")[0]
-    return ""
+    system = branch.problem.model_at(parameters).system()
+    structure = structure_of(system if system.speed is None else system.at_speed(parameters["Omega"]))
+    return structure if isinstance(structure, str) else ""
 
 
 def jump_ends(branch: Branch, jump: Jump, settling: SteadyStateSettings = SteadyStateSettings()) -> list[JumpOutcome]:

@@ -39,7 +39,7 @@ from hbgear.mechanics.models import Model, System
 from hbgear.mechanics.reference_stiffness import references
 from hbgear.time.exponential.excitation import Excitation
 from hbgear.time.exponential.law_table import LawTable
-from hbgear.time.exponential.massless import check_masses_of_elements, following_loads
+from hbgear.time.exponential.massless import element_without_mass, following_loads
 from hbgear.time.exponential.modal_states import (
     StateBatch,
     StoredModes,
@@ -47,6 +47,7 @@ from hbgear.time.exponential.modal_states import (
     modes_of,
     physical_state,
     real_and_imaginary,
+    too_large,
 )
 from hbgear.time.exponential.segments import SAMPLES_PER_STEP, Integers, segment_at
 from hbgear.time.exponential.steady_part import highest_order, steady_part
@@ -97,14 +98,23 @@ def _required_steps(structure: LinearStructure, system: System, Omega: float) ->
     return max(float(2 * np.pi * contact_frequency / (0.6 * Omega)), 5.0 * max(orders))
 
 
-def _check_laws(systems: Sequence[System]) -> None:
-    """Raise ValueError if a law is not integrated by the method."""
-    laws = [part for system in systems for element in system.elements for part in element.law.parts]
+def structure_of(system: System) -> LinearStructure | str:
+    """Return the structure of a system that the method integrates, or the reason for which it does not."""
+    laws = [part for element in system.elements for part in element.law.parts]
     if any(law.sliders or law.damped or isinstance(law, Component | RigidFriction) for law in laws):
-        raise ValueError(
+        return (
             "the exponential method, which sweeps, basins and landings of jumps need, does not integrate friction, "
-            "contacts with dampers and vector laws: use hb.time.integrate(..., method='DOP853') or hb.time.shoot"
+            "contacts with dampers and vector laws"
         )
+    structure = LinearStructure(system, references(system, _REFERENCE_STIFFNESS_RATIO))
+    if reason := too_large(structure):
+        return reason
+    if name := element_without_mass(structure):
+        return (
+            f"element '{name}' acts on coordinates without mass, which the exponential method, sweeps and basins do "
+            "not integrate"
+        )
+    return structure
 
 
 class ExponentialIntegrator:
@@ -129,7 +139,7 @@ class ExponentialIntegrator:
     Raises
     ------
     ValueError
-        If Omega is not positive, the models are not of one kind, or too large for their modes to be computed.
+        If Omega is not positive, the models are not of one kind, or the method does not integrate them.
     """
 
     def __init__(
@@ -140,12 +150,13 @@ class ExponentialIntegrator:
         self._speed_dependent, models = _at_speeds(models, Omega)
         unique = list(dict.fromkeys(map(id, models)))
         self.systems = [next(m for m in models if id(m) == key).system() for key in unique]
-        _check_laws(self.systems)
-        self.structures = [
-            LinearStructure(system, references(system, _REFERENCE_STIFFNESS_RATIO)) for system in self.systems
-        ]
-        for structure in self.structures:
-            check_masses_of_elements(structure)
+        self.structures: list[LinearStructure] = []
+        for system in self.systems:
+            structure = structure_of(system)
+            if isinstance(structure, str):
+                remedy = "use hb.time.integrate(..., method='DOP853' or 'Radau') or hb.time.shoot"
+                raise ValueError(f"{structure}: {remedy}")
+            self.structures.append(structure)
         sizes = {(st.n, st.m, len(modes_of(st).poles), len(st.system.elements)) for st in self.structures}
         if len(sizes) > 1:
             raise ValueError("the models must have the same numbers of coordinates, elements and modes")

@@ -17,19 +17,14 @@ from hbgear.time.exponential.modal_states import modes_of
 from hbgear.time.exponential.steady_part import load_harmonics
 
 
-def check_masses_of_elements(structure: LinearStructure) -> None:
-    """Raise ValueError if an element acts on coordinates without mass, so that its rate follows its force."""
+def element_without_mass(structure: LinearStructure) -> str:
+    """Return the name of an element on coordinates without mass, so that its rate follows its force; "" without any."""
     if not structure.system.massless:
-        return
+        return ""
     modes = modes_of(structure)
     rates = np.abs(np.diag(modes.output @ modes.input))
     massless = rates > MATRIX_ROUNDING * np.diag(np.abs(modes.output) @ np.abs(modes.input))
-    if massless.any():
-        element = structure.system.elements[int(np.argmax(massless))]
-        raise ValueError(
-            f"element '{element.name}' acts on coordinates without mass, which the exponential method, sweeps and "
-            "basins do not integrate: use hb.time.integrate(..., method='DOP853') or hb.time.shoot, or give them masses"
-        )
+    return structure.system.elements[int(np.argmax(massless))].name if massless.any() else ""
 
 
 def following_loads(structure: LinearStructure, Omega: Array) -> Array:

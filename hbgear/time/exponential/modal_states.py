@@ -34,11 +34,15 @@ def physical_state(structure: LinearStructure, z: ComplexArray) -> Array:
 def modes_of(structure: LinearStructure) -> Modes:
     """Return the modes of a structure; ValueError if it is too large for them to be computed."""
     if structure.modes is None:
-        raise ValueError(
-            f"the modes of the structure are required, but {structure.n} coordinates are too many: use integrate with "
-            "method='Radau', or reduce the model"
-        )
+        raise ValueError(f"{too_large(structure)}: use integrate with method='Radau', or reduce the model")
     return structure.modes
+
+
+def too_large(structure: LinearStructure) -> str:
+    """Return the reason for which the modes of a structure are not computed; "" if they are."""
+    if structure.modes is not None:
+        return ""
+    return f"the modes of the structure are required, but {structure.n} coordinates are too many"
 
 
 @dataclass(frozen=True)
