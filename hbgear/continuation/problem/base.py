@@ -263,8 +263,8 @@ class ContinuationProblem:
     ) -> Branch | str | None:
         """Return the curve over a span, for problems whose equations change along a curve; by default None.
 
-        ``settings`` are the `TraceSettings`, ``cover`` is the argument of `trace`, ``unresolved`` states that the number
-        of unknowns did not resolve the curve. `Tracer` follows after None, or a text why the curve was not completed.
+        ``settings`` are the `TraceSettings`, ``cover`` is the argument of `trace`, ``unresolved`` states that the
+        number of unknowns did not suffice. `Tracer` follows after None, or a text why the curve was not completed.
         """
         return None
 
