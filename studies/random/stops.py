@@ -34,7 +34,7 @@ import hbgear as hb
 from hbgear.common.arrays import Array
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.stability import STABILITY_TOLERANCE
-from hbgear.continuation.solvers.newton import NoConvergence, linearise, solve
+from hbgear.continuation.solvers.newton import NoConvergence, solve
 from hbgear.time.integration import state_of
 
 FINER = 8
@@ -178,7 +178,7 @@ def exact_modulus(stop: Stop, curve: Branch, i: int) -> float | None:
 
 def determinant_sign(problem: hb.HarmonicBalance, X: Array, Omega: float) -> int:
     """Sign of det(dR/dX) of a motion, which differs on both sides of a fold."""
-    return int(np.linalg.slogdet(np.asarray(linearise(problem, X, "", {"Omega": Omega}).dR_dX))[0])
+    return int(np.linalg.slogdet(np.asarray(problem.linearise(X, "", Omega=Omega).dR_dX))[0])
 
 
 def main() -> None:

@@ -10,7 +10,7 @@ import scipy
 import hbgear as hb
 from hbgear.continuation.results.reliability import stable_on_both_sides, unexplained_changes
 from hbgear.continuation.results.stability import stability_codes
-from hbgear.continuation.solvers.newton import linearise, solve
+from hbgear.continuation.solvers.newton import solve
 from hbgear.harmonic.equations.motion import shortest_intervals
 from hbgear.harmonic.multipliers.multiplier_error import (
     count_beyond,
@@ -100,7 +100,7 @@ def test_an_exact_motion_on_the_other_side_of_a_fold_is_not_used():
     problem = hb.HarmonicBalance(stop.system, 32)
     curve = hb.trace(problem, "Omega", (0.64, Omega), cover=False, special=False, accuracy=None)
     X = curve.X[-1]
-    sign = int(np.linalg.slogdet(linearise(problem, X, "", {"Omega": Omega}).dR_dX)[0])
+    sign = int(np.linalg.slogdet(problem.linearise(X, "", Omega=Omega).dR_dX)[0])
     observed = {"multipliers": curve.multipliers[-1], "error": curve.error[-1], "regime": curve.regime[-1],
                 "determinant": sign, "contradicts": True}  # fmt: skip
     problem.verify_stability(X[None], "Omega", np.array([Omega]), [observed], {})

@@ -21,7 +21,6 @@ from hbgear import HarmonicBalance, SpurPair, StepControl, trace
 from hbgear.analysis.critical_parameters import critical_parameter
 from hbgear.continuation import FoldProblem
 from hbgear.continuation.numerics.linear import solve_linear
-from hbgear.continuation.problem.base import linearise
 from hbgear.continuation.solvers.newton import solve
 from hbgear.gears import DoubleHelicalPair
 from hbgear.harmonic import PeriodDoublingProblem
@@ -72,7 +71,7 @@ def test_newton_converges_quadratically_on_a_fold(curve, label):
     truth = np.append(point.X, point.parameters["Omega"])
     U, residuals = truth + 2e-4 * np.cos(np.arange(len(truth))), []
     for _ in range(5):
-        now = linearise(problem, U, "zeta", SpurPair().parameters)
+        now = problem.linearise(U, "zeta", **SpurPair().parameters)
         residuals.append(float(np.linalg.norm(now.R)) / now.size)
         U = U - solve_linear(now.dR_dX, now.R)
     rounding = 8 * np.finfo(float).eps * np.sqrt(len(truth))  # rounding error of the residual, relative to its terms

@@ -25,7 +25,7 @@ from hbgear import (
 from hbgear.continuation.curve.segment import CurvePoint, Segment
 from hbgear.continuation.events.fold import fold_on_segment
 from hbgear.continuation.problem.adapter import as_problem
-from hbgear.continuation.problem.base import ContinuationProblem, linearise
+from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.problem.evaluation import Evaluation
 from hbgear.continuation.solvers.corrector import correct
 from hbgear.continuation.solvers.newton import solve
@@ -86,7 +86,7 @@ def test_newton_converges_quadratically():
     solution = solve(problem, np.array([1.5]), {"p": 2.0})
     assert solution.X[0] == pytest.approx(2 ** (1 / 3), rel=1e-10)
     assert solution.iterations <= 4
-    now = linearise(as_problem(problem), solution.X, "p", {"p": 2.0})
+    now = as_problem(problem).linearise(solution.X, "p", p=2.0)
     np.testing.assert_allclose(now.dR_dp, [-1.0], rtol=1e-9)
 
 

@@ -30,7 +30,6 @@ import scipy  # its parts are imported when they are first used
 from hbgear.common.arrays import Array
 from hbgear.continuation.augmented.minimally_augmented import AugmentedResidual, Borders, MinimallyAugmentedProblem
 from hbgear.continuation.numerics.linear import Factors, as_dense, dense, norm
-from hbgear.continuation.problem.base import linearise
 from hbgear.continuation.problem.evaluation import Evaluation
 from hbgear.continuation.problem.finite_differences import parameter_derivatives
 from hbgear.continuation.results.branch import Branch
@@ -68,7 +67,7 @@ class BranchPointProblem(MinimallyAugmentedProblem):
     """
 
     def base_at(self, X: Array, parameters: dict[str, float]) -> Borders:
-        evaluation = linearise(self.problem, X, self.parameter, parameters)
+        evaluation = self.problem.linearise(X, self.parameter, **parameters)
         if not dense(evaluation.dR_dX):
             raise ValueError("branch points require dense matrices; reduce the problem")
         scale = np.full(len(X) + 1, self.problem.solution_norm(X) or 1.0)
@@ -83,7 +82,7 @@ class BranchPointProblem(MinimallyAugmentedProblem):
     def update_borders(self, base: Borders, X: Array, parameters: dict[str, float]) -> Borders:
         """Return the borders at X with the orientation of the previous ones."""
         assert isinstance(base, BranchPointResidual)
-        w, V, _ = self._null(linearise(self.problem, X, self.parameter, parameters), base)
+        w, V, _ = self._null(self.problem.linearise(X, self.parameter, **parameters), base)
         u, _, vt = scipy.linalg.svd(V, full_matrices=False)  # the orthonormal pair nearest to V
         return BranchPointResidual(base.weight, w / norm(w), u @ vt, base.scale)
 
@@ -97,7 +96,7 @@ class BranchPointProblem(MinimallyAugmentedProblem):
         for i in range(len(branch)):
             parameters = branch.parameters_at(i)
             X = self.problem.join(branch.X[i], parameters)
-            evaluation = linearise(self.problem.with_borders_at(X, parameters, renew=True), X, "", parameters)
+            evaluation = self.problem.with_borders_at(X, parameters, renew=True).linearise(X, "", **parameters)
             if norm(evaluation.R) > MAX_IMPERFECTION * evaluation.size:
                 last = branch.values[max(i - 1, 0)]
                 raise ValueError(
@@ -118,7 +117,7 @@ class BranchPointProblem(MinimallyAugmentedProblem):
     def extra(self, X: Array, parameters: dict[str, float], names: Sequence[str], base: Borders) -> AugmentedResidual:
         """Return the equations; see `MinimallyAugmentedProblem.extra`."""
         assert isinstance(base, BranchPointResidual) and base.b is not None and base.scale is not None
-        evaluation = linearise(self.problem, X, self.parameter, parameters)
+        evaluation = self.problem.linearise(X, self.parameter, **parameters)
         w, V, g = self._null(evaluation, base)
         V, k, b = V * base.scale[:, None], base.weight, base.b
 
@@ -150,7 +149,7 @@ class BranchPointProblem(MinimallyAugmentedProblem):
 
     def _residual_and_matrix(self, X: Array, parameters: dict[str, float]) -> tuple[Array, Array]:
         """Return R and [dR/dX, dR/dp]."""
-        evaluation = linearise(self.problem, X, self.parameter, parameters)
+        evaluation = self.problem.linearise(X, self.parameter, **parameters)
         return evaluation.R, _matrix(evaluation)
 
 

@@ -13,7 +13,6 @@ from hbgear.continuation.augmented.minimally_augmented import (
 )
 from hbgear.continuation.augmented.null_vectors import borders_of, null_vectors
 from hbgear.continuation.numerics.linear import Matrix, norm
-from hbgear.continuation.problem.base import linearise
 from hbgear.continuation.problem.evaluation import FOLD, Locating
 
 
@@ -60,13 +59,13 @@ class FoldProblem(MinimallyAugmentedProblem):
 
     def matrix(self, X: Array, parameters: dict[str, float]) -> tuple[Matrix, float]:
         """Return the matrix that is singular at the point, and the size of the terms of R."""
-        evaluation = linearise(self.problem, X, "", parameters)
+        evaluation = self.problem.linearise(X, "", **parameters)
         return evaluation.dR_dX, evaluation.size
 
     def extra(self, X: Array, parameters: dict[str, float], names: Sequence[str], base: Borders) -> AugmentedResidual:
         """Return the equations; see `MinimallyAugmentedProblem.extra`."""
         assert base.b is not None and base.c is not None
-        evaluation = linearise(self.problem, X, self.parameter, parameters)
+        evaluation = self.problem.linearise(X, self.parameter, **parameters)
         v, w, g = null_vectors(evaluation.dR_dX, base.b, base.c)
         k = base.weight
         along, dJ_dp = self.problem.curvature(X, v, self.parameter, **parameters)
@@ -93,7 +92,7 @@ class FoldProblem(MinimallyAugmentedProblem):
         """
         X, unknown = self.solution_of(U)
         values = {**parameters, **unknown}
-        evaluation = linearise(self.problem, X, self.parameter, values)
+        evaluation = self.problem.linearise(X, self.parameter, **values)
         b, c, _ = borders_of(evaluation.dR_dX)
         v, w, _ = null_vectors(evaluation.dR_dX, b, c)
         along, _ = self.problem.curvature(X, v, self.parameter, **values)

@@ -12,7 +12,6 @@ from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.continuation.augmented.minimally_augmented import AugmentedResidual, Borders, MinimallyAugmentedProblem
 from hbgear.continuation.numerics.linear import norm
-from hbgear.continuation.problem.base import linearise
 from hbgear.continuation.problem.evaluation import AnyProblem
 from hbgear.continuation.problem.finite_differences import STEP, parameter_derivatives
 from hbgear.continuation.results.point import Point
@@ -59,7 +58,7 @@ class ScalarConditionProblem(MinimallyAugmentedProblem):
         return (self.test,)
 
     def base_at(self, X: Array, parameters: dict[str, float]) -> Borders:
-        return Borders(linearise(self.problem, X, "", parameters).size)
+        return Borders(self.problem.linearise(X, "", **parameters).size)
 
     def value(self, X: Array, parameters: dict[str, float]) -> float:
         """Return the value of the function at unknowns X and all parameters; ValueError if it is not finite."""
@@ -76,7 +75,7 @@ class ScalarConditionProblem(MinimallyAugmentedProblem):
 
     def extra(self, X: Array, parameters: dict[str, float], names: Sequence[str], base: Borders) -> AugmentedResidual:
         """Return the equations; see `MinimallyAugmentedProblem.extra`."""
-        evaluation = linearise(self.problem, X, self.parameter, parameters)
+        evaluation = self.problem.linearise(X, self.parameter, **parameters)
         gradient = np.empty(len(X))
         for i, h in enumerate(STEP * self._sizes(X)):
             e = np.zeros(len(X))
@@ -84,7 +83,7 @@ class ScalarConditionProblem(MinimallyAugmentedProblem):
             gradient[i] = (self.value(X + e, parameters) - self.value(X - e, parameters)) / (2 * h)
         k = base.weight
         derivatives = tuple(
-            (linearise(self.problem, X, name, parameters).dR_dp, k * self._parameter_derivative(X, parameters, name))
+            (self.problem.linearise(X, name, **parameters).dR_dp, k * self._parameter_derivative(X, parameters, name))
             for name in names
         )
         return AugmentedResidual(

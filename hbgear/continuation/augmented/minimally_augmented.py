@@ -45,7 +45,7 @@ from hbgear.continuation.numerics.linear import (
     norm,
     solve_linear,
 )
-from hbgear.continuation.problem.base import ContinuationProblem, linearise
+from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.problem.evaluation import Evaluation, Locating
 from hbgear.continuation.problem.finite_differences import parameter_derivatives
 from hbgear.continuation.solvers.newton import NewtonSettings, NoConvergence, Solution, refine, solve
@@ -165,7 +165,7 @@ class MinimallyAugmentedProblem(SpecialPointProblem):
         if compiled is None:
             problem = self.with_borders_at(U, parameters)
             for _ in range(steps):
-                evaluation = linearise(problem, U, "", parameters)
+                evaluation = problem.linearise(U, "", **parameters)
                 U = U - solve_linear(evaluation.dR_dX, evaluation.R)
             return problem, U
         U = np.array(U)

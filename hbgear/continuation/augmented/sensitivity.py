@@ -31,7 +31,7 @@ from hbgear.common.arrays import Array
 from hbgear.continuation.augmented.minimally_augmented import MinimallyAugmentedProblem
 from hbgear.continuation.augmented.null_vectors import borders_of, null_vectors
 from hbgear.continuation.numerics.linear import Factors, as_dense, bordered, norm
-from hbgear.continuation.problem.base import ContinuationProblem, linearise
+from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.problem.finite_differences import STEP, directional_step, parameter_derivatives
 
 Value = Callable[[Array, dict[str, float]], float]
@@ -55,7 +55,7 @@ def of_solution(
 
 def tangent(problem: ContinuationProblem, X: Array, parameters: Mapping[str, float], parameter: str) -> Array:
     """Return dX/dp (n,) along the curve at a solution that is not a fold."""
-    evaluation = linearise(problem, X, parameter, parameters)
+    evaluation = problem.linearise(X, parameter, **parameters)
     return -Factors(evaluation.dR_dX).solve(evaluation.dR_dp)
 
 
@@ -73,7 +73,7 @@ def of_curve(
     change the curve, so that this component is arbitrary.
     """
     X = U[:-1]
-    evaluation = linearise(problem, X, parameter, parameters)
+    evaluation = problem.linearise(X, parameter, **parameters)
     M = Factors(bordered(evaluation.dR_dX, evaluation.dR_dp, border))
     direction = -_minus_solutions(M, np.append(np.zeros(len(X)), 1.0)[None])[0]
     changes = _parameter_derivatives(problem, X, parameters, names)
@@ -130,7 +130,7 @@ def of_branch_point(
     problem: ContinuationProblem, X: Array, parameters: Mapping[str, float], parameter: str, names: Sequence[str]
 ) -> Slopes:
     """Return the derivatives of a branch point; nan in parameters whose change separates the curves."""
-    evaluation = linearise(problem, X, parameter, parameters)
+    evaluation = problem.linearise(X, parameter, **parameters)
     J, n = as_dense(evaluation.dR_dX), len(X)
     b, c, _ = borders_of(J)
     v, w, _ = null_vectors(J, b, c)
@@ -158,7 +158,7 @@ def _curvature_row(
     """Return the derivative (n + 1,) of w . [J R_p] t in (X, p), by differences of w . [J R_p] along t."""
     h = directional_step(X, t, problem.difference_step(X, parameters))
     plus, minus = (
-        linearise(problem, X + s * t[:-1], parameter, {**parameters, parameter: parameters[parameter] + s * t[-1]})
+        problem.linearise(X + s * t[:-1], parameter, **{**parameters, parameter: parameters[parameter] + s * t[-1]})
         for s in (h, -h)
     )
     change = (as_dense(plus.dR_dX) - as_dense(minus.dR_dX), plus.dR_dp - minus.dR_dp)
@@ -172,7 +172,7 @@ def _crossing_derivatives(
     """Return R_a and the derivatives of w . [J R_p] t in the parameter a for both tangents, (n + 2,)."""
 
     def equations(values: dict[str, float]) -> tuple[Array, ...]:
-        evaluation = linearise(problem, X, parameter, values)
+        evaluation = problem.linearise(X, parameter, **values)
         return evaluation.R, np.array([w @ (evaluation.dR_dX @ t[:-1] + evaluation.dR_dp * t[-1]) for t in tangents])
 
     dR, dg = parameter_derivatives(problem, name, parameters, equations)

@@ -26,7 +26,7 @@ from hbgear.common.arrays import Array
 from hbgear.continuation.curve.segment import CurvePoint
 from hbgear.continuation.numerics.linear import norm
 from hbgear.continuation.problem.adapter import as_problem
-from hbgear.continuation.problem.base import ContinuationProblem, linearise
+from hbgear.continuation.problem.base import ContinuationProblem
 
 MAX_ASYMPTOTE_ITERATIONS = 12
 """Maximum number of Newton iterations on the limit equations."""
@@ -106,7 +106,7 @@ def _asymptote_ahead(
     if limit_equations is None:
         return None
     limit_problem = as_problem(limit_equations)
-    evaluation = linearise(limit_problem, X, name, {**fixed, name: p})
+    evaluation = limit_problem.linearise(X, name, **{**fixed, name: p})
     if not norm(evaluation.R) < MAX_LIMIT_RESIDUAL * size * norm(evaluation.dR_dp):
         return None
     solution = _limit_solution(limit_problem, name, fixed, y, value)
@@ -126,7 +126,7 @@ def _limit_solution(
     allowed, size = limit_problem.range_of(name), abs(p) or 1.0
     normal = y = y / norm(y)
     for _ in range(MAX_ASYMPTOTE_ITERATIONS):
-        evaluation = linearise(limit_problem, y, name, {**fixed, name: p})
+        evaluation = limit_problem.linearise(y, name, **{**fixed, name: p})
         if norm(evaluation.R) <= SOLUTION_RESIDUAL * size * norm(evaluation.dR_dp):
             return y, p
         A = np.block([[evaluation.dR_dX, evaluation.dR_dp[:, None]], [normal[None], np.zeros((1, 1))]])

@@ -18,7 +18,7 @@ import scipy
 from hbgear.common.arrays import Array
 from hbgear.continuation.numerics.linear import norm, solve_linear
 from hbgear.continuation.problem.adapter import as_problem
-from hbgear.continuation.problem.base import ContinuationProblem, linearise, observe_all
+from hbgear.continuation.problem.base import ContinuationProblem, observe_all
 from hbgear.continuation.problem.evaluation import Evaluation
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.solvers.newton import SEARCH_ERRORS, NoConvergence
@@ -44,7 +44,7 @@ def nearest_solution(
     values, scale = dict(parameters), np.full(len(X) + 1, problem.solution_norm(X) or 1.0)
     scale[-1] = problem.unit_of(name, parameters[name])
     for _ in range(MAX_REFINEMENT_ITERATIONS):
-        evaluation = linearise(problem, X, name, values)
+        evaluation = problem.linearise(X, name, **values)
         if norm(evaluation.R) <= RESIDUAL_TOLERANCE * evaluation.size:
             return X, values[name]
         step = shortest_step(evaluation, evaluation.R, scale)

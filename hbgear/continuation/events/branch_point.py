@@ -18,7 +18,7 @@ from hbgear.continuation.curve.segment import BranchStart, CurvePoint, Segment
 from hbgear.continuation.events.event import BuiltInEvent, LocatedEvent, locate_root, singular
 from hbgear.continuation.numerics.linear import as_dense, bordered, slogdet
 from hbgear.continuation.problem.adapter import as_problem
-from hbgear.continuation.problem.base import ContinuationProblem, linearise
+from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import SpecialPoint
 from hbgear.continuation.solvers.newton import SEARCH_ERRORS
@@ -69,7 +69,7 @@ def _transverse_direction(
     problem: ContinuationProblem, branch: Branch, i: int, U: Array, parameters: Mapping[str, float]
 ) -> Array:
     """Return the direction in the null space of [dR/dU, dR/dp] orthogonal to the curve at its point i, unknowns U."""
-    evaluation = linearise(problem, U, branch.parameter, parameters)
+    evaluation = problem.linearise(U, branch.parameter, **parameters)
     curve = np.array([problem.join(X, branch.parameters_at(k)) for k, X in enumerate(branch.X)])
     size = float(problem.solution_norms(curve).max()) or 1.0  # the point itself may be zero up to rounding
     scale = np.append(np.full(len(U), size), np.ptp(branch.values) or 1.0)
@@ -119,7 +119,7 @@ def _determinant(segment: Segment) -> Callable[[CurvePoint], float]:
 
     def logdet(point: CurvePoint) -> tuple[float, float]:
         parameters = segment.parameters_at(point.value)
-        evaluation = linearise(segment.problem, point.X, segment.name, parameters)
+        evaluation = segment.problem.linearise(point.X, segment.name, **parameters)
         return slogdet(bordered(evaluation.dR_dX, evaluation.dR_dp, point.tangent / segment.scale**2))
 
     reference = logdet(segment.a)[1]

@@ -357,11 +357,6 @@ class ContinuationProblem:
         return {}
 
 
-def linearise(problem: ContinuationProblem, X: Array, name: str, parameters: Mapping[str, float]) -> Evaluation:
-    """Return R, dR/dX, dR/dname (zeros without a name) and the size of the terms of R."""
-    return problem.linearise(X, name, **parameters)
-
-
 def observe_all(
     problem: ContinuationProblem, U: Array, name: str, parameters: Mapping[str, float], stability: bool,
     errors: bool = True,

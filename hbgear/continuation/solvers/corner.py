@@ -30,7 +30,6 @@ import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.continuation.numerics.linear import as_dense, bordered, norm, solve_signed
-from hbgear.continuation.problem.base import linearise
 from hbgear.continuation.problem.evaluation import Evaluation
 from hbgear.continuation.solvers.corrector import CorrectedPoint, correct
 from hbgear.continuation.solvers.newton import SEARCH_ERRORS, SOLVER_ERRORS, NewtonSettings, NoConvergence, solve
@@ -80,7 +79,8 @@ class _Equations(NamedTuple):
 
     def at(self, u: Array) -> Evaluation:
         """Return the linearised equations at a point."""
-        return linearise(self.problem, u[:-1], self.name, {**self.fixed, self.name: float(u[-1])})
+        evaluation: Evaluation = self.problem.linearise(u[:-1], self.name, **{**self.fixed, self.name: float(u[-1])})
+        return evaluation
 
 
 def _point_beyond(

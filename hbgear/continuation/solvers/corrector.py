@@ -19,7 +19,6 @@ import numpy as np
 from hbgear.common.arrays import Array
 from hbgear.continuation.numerics.linear import bordered, norm, solve_signed
 from hbgear.continuation.problem.adapter import as_problem
-from hbgear.continuation.problem.base import linearise
 from hbgear.continuation.solvers.newton import NewtonSettings, NoConvergence, Solution
 
 
@@ -56,7 +55,7 @@ def correct(
     last = first = math.inf
     best: CorrectedPoint | None = None
     for iteration in range(settings.max_iterations + 2):
-        evaluation = linearise(full_problem, u[:-1], name, {**parameters, name: float(u[-1])})
+        evaluation = full_problem.linearise(u[:-1], name, **{**parameters, name: float(u[-1])})
         rhs = np.zeros((len(u), 2))
         rhs[:-1, 0], rhs[-1, 0], rhs[-1, 1] = evaluation.R, (u - predicted) @ normal, 1.0
         try:

@@ -20,7 +20,7 @@ from hbgear.common.arrays import Array
 from hbgear.common.ranges import POSITIVE, checked, counted
 from hbgear.continuation.numerics.linear import as_dense, is_singular, norm, solve_linear
 from hbgear.continuation.problem.adapter import as_problem
-from hbgear.continuation.problem.base import ContinuationProblem, linearise
+from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.problem.evaluation import HELD, Evaluation
 
 
@@ -116,7 +116,7 @@ class Solution:
 
 def solution_at(problem: ContinuationProblem, u: Array, name: str, parameters: Mapping[str, float]) -> Solution:
     """Return the solution at a known position u = (X, value of the parameter), with its evaluation."""
-    evaluation = linearise(problem, u[:-1], name, {**parameters, name: float(u[-1])})
+    evaluation = problem.linearise(u[:-1], name, **{**parameters, name: float(u[-1])})
     return Solution(u[:-1], float(u[-1]), evaluation, 0, norm(evaluation.R) / evaluation.size)
 
 
@@ -145,7 +145,7 @@ def solve(
     compiled_solution = _compiled(problem, X, parameters, name, settings)
     if compiled_solution is not None:
         return compiled_solution
-    evaluation = linearise(problem, X, name, parameters)
+    evaluation = problem.linearise(X, name, **parameters)
     residuals = [norm(evaluation.R) / evaluation.size]
     for iteration in range(settings.max_iterations * 4 + 1):
         if residuals[-1] <= settings.tolerance:
@@ -156,7 +156,7 @@ def solve(
             break
         factor = 1.0
         for _ in range(12):
-            trial = linearise(problem, X + factor * dX, name, parameters)
+            trial = problem.linearise(X + factor * dX, name, **parameters)
             if norm(trial.R) < norm(evaluation.R) * (1 - 0.1 * factor):  # a sufficient decrease, which nan never passes
                 break
             factor *= 0.5
@@ -207,7 +207,7 @@ def refine(
         X = solution.X - solve_linear(solution.evaluation.dR_dX, solution.evaluation.R)
     except np.linalg.LinAlgError:
         return solution
-    evaluation = linearise(problem, X, name, parameters)
+    evaluation = problem.linearise(X, name, **parameters)
     residual = norm(evaluation.R) / evaluation.size
     if not residual < solution.residual:
         return solution

@@ -25,7 +25,6 @@ from hbgear.common.arrays import Array, ComplexArray
 from hbgear.continuation.augmented.minimally_augmented import AugmentedResidual, Borders, MinimallyAugmentedProblem
 from hbgear.continuation.follow import trace_to_both_ends
 from hbgear.continuation.numerics.linear import norm
-from hbgear.continuation.problem.base import linearise
 from hbgear.continuation.problem.evaluation import AnyProblem
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point
@@ -70,7 +69,7 @@ class LimitCycleProblem(MinimallyAugmentedProblem):
 
     def base_at(self, X: Array, parameters: dict[str, float]) -> Borders:
         """Return the phase condition relative to a motion."""
-        size = linearise(self.problem, X, "", parameters).size
+        size = self.problem.linearise(X, "", **parameters).size
         return Borders(size / max(norm(X), 1e-300), b=phase_vector(X, self.problem.m))
 
     def update_borders(self, base: Borders, X: Array, parameters: dict[str, float]) -> Borders:
@@ -79,7 +78,7 @@ class LimitCycleProblem(MinimallyAugmentedProblem):
 
     def extra(self, X: Array, parameters: dict[str, float], names: Sequence[str], base: Borders) -> AugmentedResidual:
         """Return the phase condition with its derivatives; see `MinimallyAugmentedProblem.extra`."""
-        evaluation = linearise(self.problem, X, self.parameter, parameters)
+        evaluation = self.problem.linearise(X, self.parameter, **parameters)
         b = base.weight * np.asarray(base.b)
         derivatives = tuple((self.problem.parameter_derivative(X, name, parameters), 0.0) for name in names)
         return AugmentedResidual(evaluation, float(b @ X), b, 0.0, derivatives)

@@ -15,7 +15,6 @@ import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.continuation.augmented.minimally_augmented import AugmentedResidual, Borders, MinimallyAugmentedProblem
-from hbgear.continuation.problem.base import linearise
 
 
 class PrescribedAmplitude(MinimallyAugmentedProblem):
@@ -33,9 +32,9 @@ class PrescribedAmplitude(MinimallyAugmentedProblem):
         self._fixed(shape=shape, amplitude=amplitude)
 
     def base_at(self, X: Array, parameters: dict[str, float]) -> Borders:
-        return Borders(linearise(self.problem, X, "", parameters).size / self.amplitude)
+        return Borders(self.problem.linearise(X, "", **parameters).size / self.amplitude)
 
     def extra(self, X: Array, parameters: dict[str, float], names: Sequence[str], base: Borders) -> AugmentedResidual:
-        evaluation = linearise(self.problem, X, self.parameter, parameters)
+        evaluation = self.problem.linearise(X, self.parameter, **parameters)
         g = base.weight * (self.shape @ X[:-1] - self.amplitude)
         return AugmentedResidual(evaluation, float(g), np.append(base.weight * self.shape, 0.0), 0.0, ())

@@ -44,7 +44,7 @@ from hbgear.continuation.curve.segment import BranchStart, CurvePoint, Segment
 from hbgear.continuation.events.event import BuiltInEvent, Event, LocatedEvent, locate_root
 from hbgear.continuation.numerics.linear import as_dense, bordered, norm
 from hbgear.continuation.problem.adapter import as_problem
-from hbgear.continuation.problem.base import ContinuationProblem, linearise
+from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import SpecialPoint
 from hbgear.continuation.results.status import Status
@@ -173,7 +173,7 @@ class ResonanceEvent(CodimensionTwoEvent):
         equations: Any = as_problem(branch.problem)
         balance, name, parameters = equations.problem, equations.parameter, branch.parameters_at(i)
         X = balance.from_point(branch[i])
-        evaluation = linearise(balance, X, name, parameters)
+        evaluation = balance.linearise(X, name, **parameters)
         t = scipy.linalg.svd(np.column_stack([as_dense(evaluation.dR_dX), evaluation.dR_dp]))[2][-1]
         h = DIFFERENCE_STEP * (norm(X) or 1.0)
 
@@ -245,7 +245,7 @@ class FoldOnFlipEvent(CodimensionTwoEvent):
     @staticmethod
     def function(problem: Any, X: Array, parameters: dict[str, float]) -> float:
         """Return the smallest singular value of dR/dX, with the sign of its determinant."""
-        return _signed_singular_value(as_dense(linearise(problem.problem, X, "", parameters).dR_dX))
+        return _signed_singular_value(as_dense(problem.problem.linearise(X, "", **parameters).dR_dX))
 
 
 # ---- generalised period doubling
@@ -291,7 +291,7 @@ def cubic_coefficient(problem: Any, X: Array, parameters: dict[str, float]) -> t
     t = DIFFERENCE_STEP * (norm(X) or 1.0)
 
     def jacobian(change: Array) -> Array:
-        return as_dense(linearise(doubled, embedded + change, "", parameters).dR_dX)
+        return as_dense(doubled.linearise(embedded + change, "", **parameters).dR_dX)
 
     def jacobians_along(direction: Array) -> tuple[list[Array], float]:
         size = norm(direction) or 1.0

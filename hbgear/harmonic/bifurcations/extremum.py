@@ -25,7 +25,6 @@ from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.continuation.augmented.minimally_augmented import AugmentedResidual, Borders, MinimallyAugmentedProblem
 from hbgear.continuation.numerics.linear import Factors, bordered, norm
-from hbgear.continuation.problem.base import linearise
 from hbgear.continuation.problem.evaluation import AnyProblem
 from hbgear.continuation.problem.finite_differences import STEP, directional_step, parameter_derivatives
 from hbgear.mechanics.series.fourier import extrema, to_real
@@ -90,11 +89,11 @@ class AmplitudeExtremum(MinimallyAugmentedProblem):
         return self.measure, self.element
 
     def base_at(self, X: Array, parameters: dict[str, float]) -> Borders:
-        return Borders(linearise(self.problem, X, "", parameters).size / (1.0 + abs(float(self.S @ (X * X)))))
+        return Borders(self.problem.linearise(X, "", **parameters).size / (1.0 + abs(float(self.S @ (X * X)))))
 
     def extra(self, X: Array, parameters: dict[str, float], names: Sequence[str], base: Borders) -> AugmentedResidual:
         """Return the residual g and its derivatives; see `MinimallyAugmentedProblem.extra`."""
-        evaluation = linearise(self.problem, X, self.parameter, parameters)
+        evaluation = self.problem.linearise(X, self.parameter, **parameters)
         n = len(X)
         e = np.zeros(n + 1)
         e[-1] = 1.0  # normalises the direction by its component in the parameter
@@ -107,7 +106,7 @@ class AmplitudeExtremum(MinimallyAugmentedProblem):
         h = directional_step(X, t, self.problem.difference_step(X, parameters))
         u = np.append(X, parameters[self.parameter])
         plus, minus = (
-            linearise(self.problem, v[:-1], self.parameter, {**parameters, self.parameter: float(v[-1])})
+            self.problem.linearise(v[:-1], self.parameter, **{**parameters, self.parameter: float(v[-1])})
             for v in (u + h * t, u - h * t)
         )
         weight = base.weight
@@ -128,7 +127,7 @@ class AmplitudeExtremum(MinimallyAugmentedProblem):
         """Return dR/dname, and z^T d[J R_p]/dname t."""
 
         def residual_and_product(changed: dict[str, float]) -> tuple[Array, float]:
-            evaluation = linearise(self.problem, X, self.parameter, changed)
+            evaluation = self.problem.linearise(X, self.parameter, **changed)
             return evaluation.R, float(z @ (evaluation.dR_dX @ t[:-1] + evaluation.dR_dp * t[-1]))
 
         dR, change = parameter_derivatives(self.problem, name, parameters, residual_and_product)

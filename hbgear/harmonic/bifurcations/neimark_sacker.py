@@ -19,7 +19,6 @@ from hbgear.continuation.augmented.minimally_augmented import AugmentedResidual,
 from hbgear.continuation.augmented.null_vectors import least_singular_vectors
 from hbgear.continuation.augmented.sensitivity import along
 from hbgear.continuation.numerics.linear import Factors, bordered, norm
-from hbgear.continuation.problem.base import linearise
 from hbgear.continuation.problem.evaluation import AnyProblem
 from hbgear.continuation.problem.finite_differences import directional_step, parameter_derivatives
 from hbgear.continuation.solvers.newton import NoConvergence
@@ -105,7 +104,7 @@ class NeimarkSackerProblem(MinimallyAugmentedProblem):
         return (self.near,)
 
     def base_at(self, X: Array, parameters: dict[str, float]) -> Borders:
-        hill, size = self._hill(X, parameters), linearise(self.problem, X, "", parameters).size
+        hill, size = self._hill(X, parameters), self.problem.linearise(X, "", **parameters).size
         s = self._guess(X, parameters) if self.near is None else self.near
         b, c = least_singular_vectors(hill.matrix(hill.receptances(s)[0], s), BORDER_ITERATIONS)
         pair = _exponent(hill, s, b, c, X, parameters)
@@ -146,13 +145,13 @@ class NeimarkSackerProblem(MinimallyAugmentedProblem):
 
     def extra(self, X: Array, parameters: dict[str, float], names: Sequence[str], base: Borders) -> AugmentedResidual:
         """Return the residual g and its derivatives; see `MinimallyAugmentedProblem.extra`."""
-        evaluation = linearise(self.problem, X, self.parameter, parameters)
+        evaluation = self.problem.linearise(X, self.parameter, **parameters)
         pair = self._pair(self._hill(X, parameters), base, X, parameters)
         k = base.weight
         g_X = k * self._slope(X, parameters, pair)
         derivatives = tuple(
             (
-                linearise(self.problem, X, name, parameters).dR_dp,
+                self.problem.linearise(X, name, **parameters).dR_dp,
                 k * self._exponent_derivative(X, parameters, name, pair),
             )
             for name in names
@@ -284,7 +283,7 @@ class PairModulusProblem(MinimallyAugmentedProblem):
         if s is None:
             s = _require_pair(exponent_of_pair(mu, self.problem.nu, parameters["Omega"]))
         multiplier = complex(np.exp(2 * np.pi * self.problem.nu * s / parameters["Omega"]))
-        return PairMultiplier(linearise(self.problem, X, "", parameters).size, multiplier=_nearest(mu, multiplier))
+        return PairMultiplier(self.problem.linearise(X, "", **parameters).size, multiplier=_nearest(mu, multiplier))
 
     def update_borders(self, base: Borders, X: Array, parameters: dict[str, float]) -> Borders:
         """Return the borders with the multiplier at X."""
@@ -308,7 +307,7 @@ class PairModulusProblem(MinimallyAugmentedProblem):
         mu = _nearest(self._multipliers(X, parameters), base.multiplier)
         if abs(mu.imag) <= REAL_MULTIPLIER_TOLERANCE:
             raise NoConvergence("the pair of multipliers became real", X, parameters, [])
-        evaluation, k = linearise(self.problem, X, self.parameter, parameters), base.weight
+        evaluation, k = self.problem.linearise(X, self.parameter, **parameters), base.weight
         J = Factors(evaluation.dR_dX)
         correction = J.solve(evaluation.R)
         g_X = np.zeros(len(X))

@@ -17,7 +17,7 @@ from hbgear.continuation.events.accuracy import estimate_error
 from hbgear.continuation.events.event import BuiltInEvent, LocatedEvent, locate_by_newton, locate_root
 from hbgear.continuation.numerics.linear import norm
 from hbgear.continuation.problem.adapter import as_problem
-from hbgear.continuation.problem.base import ContinuationProblem, linearise
+from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import SpecialPoint
 from hbgear.continuation.solvers.newton import SOLVER_ERRORS, NewtonSettings, NoConvergence, Solution, on_curve, solve
@@ -132,7 +132,7 @@ def _segment_around(branch: Branch, i: int) -> Segment:
 def _point_with_tangent(branch: Branch, i: int, scale: Array, direction: Array) -> CurvePoint:
     """Return point i of a branch with its tangent."""
     X, value = branch.X[i], float(branch.values[i])
-    evaluation = linearise(branch.problem, X, branch.parameter, branch.parameters_at(i))
+    evaluation = branch.problem.linearise(X, branch.parameter, **branch.parameters_at(i))
     return point_from_solution(Solution(X, value, evaluation, int(branch.iterations[i]), float(branch.residual[i])),
                   normal_of(direction, scale), scale)  # fmt: skip
 

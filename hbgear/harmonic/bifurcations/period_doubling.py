@@ -18,7 +18,6 @@ from hbgear.continuation.augmented.minimally_augmented import (
     parameter_derivative_and_jacobian,
 )
 from hbgear.continuation.augmented.null_vectors import null_vectors
-from hbgear.continuation.problem.base import linearise
 from hbgear.continuation.problem.evaluation import AnyProblem
 
 
@@ -79,13 +78,13 @@ class PeriodDoublingProblem(FoldProblem):
 
     def matrix(self, X: Array, parameters: dict[str, float]) -> tuple[Array, float]:
         """Return the half-integer block, and the size of the terms of R."""
-        evaluation = linearise(self.doubled, self.embed(X), "", parameters)
+        evaluation = self.doubled.linearise(self.embed(X), "", **parameters)
         return evaluation.dR_dX[np.ix_(self.odd, self.odd)], evaluation.size
 
     def extra(self, X: Array, parameters: dict[str, float], names: Sequence[str], base: Borders) -> AugmentedResidual:
         """Return the residual g and its derivatives; see `MinimallyAugmentedProblem.extra`."""
         assert base.b is not None and base.c is not None
-        evaluation = linearise(self.problem, X, self.parameter, parameters)
+        evaluation = self.problem.linearise(X, self.parameter, **parameters)
         embedded, direction = self.embed(X), np.zeros(self.doubled.size)
         v, w, g = null_vectors(self.matrix(X, parameters)[0], base.b, base.c)
         k = base.weight

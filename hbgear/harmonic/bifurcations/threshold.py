@@ -23,7 +23,7 @@ from hbgear.continuation.curve.segment import CurvePoint, Segment
 from hbgear.continuation.events.columns import monitored_values
 from hbgear.continuation.events.event import BuiltInEvent, LocatedEvent, locate_by_newton, locate_root
 from hbgear.continuation.numerics.linear import norm, solve_linear
-from hbgear.continuation.problem.base import ContinuationProblem, linearise
+from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.problem.evaluation import AnyProblem
 from hbgear.continuation.problem.finite_differences import parameter_derivatives
 from hbgear.continuation.solvers.newton import SOLVER_ERRORS
@@ -94,11 +94,11 @@ class ThresholdProblem(MinimallyAugmentedProblem):
         return np.where(np.any(slope, axis=1, keepdims=True), rows, 0.0)[None]
 
     def base_at(self, X: Array, parameters: dict[str, float]) -> Borders:
-        return Borders(linearise(self.problem, X, "", parameters).size / (1.0 + norm(X)))
+        return Borders(self.problem.linearise(X, "", **parameters).size / (1.0 + norm(X)))
 
     def extra(self, X: Array, parameters: dict[str, float], names: Sequence[str], base: Borders) -> AugmentedResidual:
         """Return the residual g and its derivatives; see `MinimallyAugmentedProblem.extra`."""
-        evaluation, k = linearise(self.problem, X, self.parameter, parameters), base.weight
+        evaluation, k = self.problem.linearise(X, self.parameter, **parameters), base.weight
         g, rows = self.threshold(X, self.which, parameters)
         changes = (self._parameter_derivatives(X, parameters, name, evaluation.dR_dX) for name in names)
         derivatives = tuple((dR, k * dg) for dR, dg in changes)
@@ -117,7 +117,7 @@ class ThresholdProblem(MinimallyAugmentedProblem):
         """
         dg = self._threshold_derivative(X, parameters, name, self.which)
         if not dg:
-            return linearise(self.problem, X, name, parameters).dR_dp, dg
+            return self.problem.linearise(X, name, **parameters).dR_dp, dg
         X_a = self._change_along_thresholds(X, parameters, name, dg)
         value = parameters[name]
         (dR,) = parameter_derivatives(
@@ -150,7 +150,7 @@ class ThresholdProblem(MinimallyAugmentedProblem):
         values = {**parameters, **tracked}
         rows = self.threshold(X, self.which, values)[1]
         slope = _padded(rows, len(X))
-        evaluation = linearise(self.problem, X + SIDE_STEP * norm(X) / norm(slope) * slope, self.parameter, values)
+        evaluation = self.problem.linearise(X + SIDE_STEP * norm(X) / norm(slope) * slope, self.parameter, **values)
         return 1 if float(slope @ solve_linear(evaluation.dR_dX, evaluation.dR_dp)) > 0 else -1
 
     def _threshold_derivative(self, X: Array, parameters: dict[str, float], name: str, number: int) -> float:

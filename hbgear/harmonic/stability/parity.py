@@ -27,7 +27,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hbgear.common.arrays import Array, ComplexArray
-from hbgear.continuation.problem.base import linearise
 from hbgear.continuation.results.stability import STABILITY_TOLERANCE
 from hbgear.harmonic.bifurcations.period_doubling import PeriodDoublingProblem
 from hbgear.harmonic.multipliers.multiplier_error import count_beyond
@@ -83,7 +82,7 @@ class Parity:
         margins = (-STABILITY_TOLERANCE, STABILITY_TOLERANCE)
         if expected and all(expected != 1 - 2 * (count_beyond(multipliers, margin)[0] % 2) for margin in margins):
             return False
-        sign = int(np.linalg.slogdet(np.asarray(linearise(problem, X, "", parameters).dR_dX))[0])
+        sign = int(np.linalg.slogdet(np.asarray(problem.linearise(X, "", **parameters).dR_dX))[0])
         if self.mismatch(multipliers[None], np.array([sign]))[0]:
             return False
         return not self.constant or half_integer_sign(problem, X, parameters) in (0, 1 - 2 * (outside[1] % 2))

@@ -9,7 +9,6 @@ import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.continuation.curve.refinement import shortest_step
-from hbgear.continuation.problem.base import linearise
 from hbgear.harmonic.equations.motion import regimes, with_driven_harmonics, with_excited_harmonics
 from hbgear.harmonic.multipliers.floquet import floquet_multipliers
 
@@ -50,7 +49,7 @@ def corrected_motions(problem: Any, X: Array, Omega: Array, parameters: Mapping[
     for i, (x, w) in enumerate(zip(X, Omega.tolist(), strict=True)):
         R = finer.linearise(driven[i], w)[0].reshape(problem.m, -1)[:, :row_length].ravel()
         scale = np.append(np.full(len(x), problem.solution_norm(x) or 1.0), w)
-        step = shortest_step(linearise(problem, x, "Omega", {**parameters, "Omega": w}), R, scale)
+        step = shortest_step(problem.linearise(x, "Omega", **{**parameters, "Omega": w}), R, scale)
         corrected[i], frequencies[i] = x + step[:-1], w + step[-1]
     same = np.all(regimes(compiled, corrected) == regimes(compiled, X), axis=1)
     return np.where(same[:, None], corrected, X), np.where(same, frequencies, Omega)

@@ -16,7 +16,6 @@ import numpy as np
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.continuation.curve.refinement import nearest_solution
 from hbgear.continuation.numerics.linear import norm, solve_linear
-from hbgear.continuation.problem.base import linearise
 from hbgear.continuation.problem.work import Work
 from hbgear.continuation.results.stability import STABILITY_TOLERANCE
 from hbgear.continuation.solvers.newton import SEARCH_ERRORS, SOLVER_ERRORS, NoConvergence, solve
@@ -223,7 +222,7 @@ class UndecidedPoint:
         try:
             for i in range(STEPS_ALONG_CURVE):
                 values[name] = value + change * i / STEPS_ALONG_CURVE
-                evaluation = linearise(problem, motion, name, values)
+                evaluation = problem.linearise(motion, name, **values)
                 predicted = motion - solve_linear(evaluation.dR_dX, evaluation.dR_dp) * (change / STEPS_ALONG_CURVE)
                 values[name] = value + change * (i + 1) / STEPS_ALONG_CURVE
                 motion = solve(problem, predicted, values).X

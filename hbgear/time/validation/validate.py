@@ -35,7 +35,6 @@ from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.process.progress import Progress, ProgressCallback
 from hbgear.continuation.numerics.linear import norm
-from hbgear.continuation.problem.base import linearise
 from hbgear.continuation.problem.evaluation import AnyProblem
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import BIFURCATING, LANDINGS, Jump, Point
@@ -361,7 +360,7 @@ def _refinements(problem: Any, X: Array, parameters: dict[str, float]) -> Iterat
     highest = (int(np.flatnonzero(rows.any(axis=0)).max(initial=1)) + 1) // 2  # smaller where H varies on the curve
     coarse = problem if highest >= problem.orders[-1] else problem.with_order(problem.nu, highest)
     X = coarse.from_layout(X, layout)
-    linear = linearise(coarse, X, "", parameters)
+    linear = coarse.linearise(X, "", **parameters)
     if not norm(linear.R) <= _CONSISTENCY_TOLERANCE * linear.size:
         return
     for _ in range(_MAX_DOUBLINGS):
