@@ -1,4 +1,4 @@
-"""Labels of special points: unique names, no overlap, one label for a cluster of points.
+"""Labels of special points: unique names, no overlap, one label for a cluster of points; labels of ticks.
 
 The position of a label depends on the other drawn objects and the size of the figure, so positions are chosen whenever
 the axes are drawn. Each label in turn gets the position around its point with the least overlap with earlier labels,
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.artist import Artist
+from matplotlib.ticker import ScalarFormatter
 from matplotlib.transforms import IdentityTransform
 
 from hbgear.common.arrays import Array
@@ -280,3 +281,13 @@ def _overlap_areas(boxes: Array, obstacles: Array) -> Array:
     low = np.maximum(boxes[:, None, :2], obstacles[None, :, :2])
     high = np.minimum(boxes[:, None, 2:], obstacles[None, :, 2:])
     return np.asarray(np.prod(np.maximum(high - low, 0.0), axis=-1))
+
+
+class TickLabels(ScalarFormatter):
+    """Labels of ticks as plain text; only the common power of ten is mathtext, which takes long to be set.
+
+    The digits of both are the same. The labels of a figure of a gear pair took a fifth of its time as mathtext.
+    """
+
+    def __call__(self, x: float, pos: int | None = None) -> str:
+        return super().__call__(x, pos).removeprefix(r"$\mathdefault{").removesuffix("}$")

@@ -299,7 +299,14 @@ def dress(ax: Axes) -> None:
 
     Ticks are created when the figure is drawn, outside the context of `styled`; axes of the caller have other fonts.
     """
+    from matplotlib.ticker import ScalarFormatter
+
+    from hbgear.plot.labels import TickLabels
+
     settings = current_settings()
+    for axis in (ax.xaxis, ax.yaxis):
+        if type(axis.get_major_formatter()) is ScalarFormatter:  # of linear axes, by default
+            axis.set_major_formatter(TickLabels())
     for title in (ax.xaxis.label, ax.yaxis.label):
         title.set(text=in_figure(title.get_text()), fontfamily=settings["font.family"],
                   math_fontfamily=settings["mathtext.fontset"])  # fmt: skip

@@ -183,11 +183,10 @@ def load_estimates(branch: Branch, numbers: Sequence[int], mesh: ToothMesh, side
     ndarray, shape (len(numbers), 3)
         Largest force of a pair [N] and root stress of pinion and wheel [N/m^2]; nan for a ring gear.
     """
-    motion, out = _Motion(branch[numbers[0]], mesh, 0), []
-    for i in numbers:
-        forces = motion.forces(branch[i], side, COARSE_STEPS)
-        out.append([forces.force.max(), *root_stress(mesh, forces, side).max(axis=(1, 2))])
-    return np.array(out)
+    motion = _Motion(branch[numbers[0]], mesh, 0)
+    forces = [motion.forces(branch[i], side, COARSE_STEPS) for i in numbers]
+    factors = stress_per_force(mesh, forces[0].position, side)
+    return np.array([[pairs.force.max(), *np.sum(pairs.drive * factors, axis=1).max(axis=(1, 2))] for pairs in forces])
 
 
 class _Motion:
@@ -207,6 +206,8 @@ class _Motion:
         length = b if scales is None else scales.length
         stiffness = 1.0 if scales is None else mesh.stiffness * length / scales.force
         self.length, self.meshes = length, layout.nu * order
+        flanks = mesh.flanks_with_errors(self.meshes)
+        self.flanks = {side: _loaded(flanks, side) for side in (1, -1)}
         scaled = contacts.scaled(stiffness, 1 / length).widened(b / length)
         if (
             not isinstance(law, MeshContacts)
@@ -226,8 +227,7 @@ class _Motion:
             x: Array = evaluate(row, TURN * t / self.meshes)
             return x
 
-        flanks = _loaded(self.mesh.flanks_with_errors(self.meshes), side)
-        return pair_forces(flanks, displacement, self.meshes, self.mesh.pair.half_backlash, steps)
+        return pair_forces(self.flanks[side], displacement, self.meshes, self.mesh.pair.half_backlash, steps)
 
 
 def _are_equal(first: MeshContacts, second: MeshContacts) -> bool:
@@ -250,19 +250,25 @@ def _loaded(flanks: Sequence[Flank], side: int) -> list[Flank]:
 def root_stress(mesh: ToothMesh, forces: PairForces, side: int = 1) -> Array:
     """Return the root stress of pinion and wheel [N/m^2] at all positions, shape (2, M, P); nan for a ring gear.
 
-    ``forces`` are those of the pairs [N]. ``side`` is -1 for the back flanks, whose contact moves from the tip of the
-    pinion to its root.
+    ``forces`` are those of the pairs [N]; ``side`` is that of `stress_per_force`.
+    """
+    stress: Array = np.sum(forces.drive * stress_per_force(mesh, forces.position, side), axis=1)
+    return stress
+
+
+def stress_per_force(mesh: ToothMesh, position: Array, side: int) -> Array:
+    """Return the root stress of pinion and wheel per force on each slice [1/m^2], shape (2, S, 1, P); nan for a ring.
+
+    ``side`` is -1 for the back flanks, whose contact moves from the tip of the pinion to its root.
     """
     pair = mesh.pair
     begin, end = pair.path
-    u = forces.position - np.array([flank.lag for flank in mesh.flanks if flank.side == side])[:, None]
+    u = position - np.array([flank.lag for flank in mesh.flanks if flank.side == side])[:, None]
     s = np.clip(begin + (u if side > 0 else 2 * tooth_centre(pair) - u) * pair.base_pitch, begin, end)
-    out = np.full((2, *forces.displacement.shape), np.nan)
+    out = np.full((2, len(s), 1, len(position)), np.nan)
     for i, (gear, distance) in enumerate(((pair.pinion, s), (pair.wheel, pair.tangent_length - s))):
-        if gear.internal:
-            continue
-        factors = root_factors(gear, 2 * np.hypot(distance, gear.base_diameter / 2))
-        product = (factors.form * factors.correction)[:, None]
-        scale = cos(gear.transverse_pressure_angle) / (pair.face_width * gear.module)
-        out[i] = scale * np.sum(forces.drive * product, axis=0)
+        if not gear.internal:
+            factors = root_factors(gear, 2 * np.hypot(distance, gear.base_diameter / 2))
+            scale = cos(gear.transverse_pressure_angle) / (pair.face_width * gear.module)
+            out[i, :, 0] = scale * factors.form * factors.correction
     return out
