@@ -159,11 +159,13 @@ def with_landings(
         return branch, False
 
 
-def span_of(model: hb.mechanics.Model, first: str | None, last: str | None) -> tuple[float, float]:
-    """Return the span of Omega; an end that is not given is taken from the model, if it has a usual range."""
-    if isinstance(model, hb.System) and None in (first, last):
+def span_of(
+    model: hb.mechanics.Model, first: str | None, last: str | None, usual: tuple[float, float] | None = None
+) -> tuple[float, float]:
+    """Return the span of Omega; an end that is not given is that of the usual span, by default that of the model."""
+    if usual is None and isinstance(model, hb.System) and None in (first, last):
         raise ValueError(f"--from and --to are needed: a structure has no usual range of Omega{_natural(model)}")
-    a, b = model.default_span
+    a, b = usual or model.default_span
     return (a if first is None else Omega_of(model, "--from", first),
             b if last is None else Omega_of(model, "--to", last))  # fmt: skip
 

@@ -43,8 +43,6 @@ class Parameter:
         Lower end of the slider.
     high : float
         Upper end of the slider.
-    map : bool
-        Whether a jump map can be drawn over the parameter.
     limits : tuple of float or None
         Smallest and largest value that the model accepts, None without a limit. The page sets the ends of a slider by
         these if a value outside of the slider is typed.
@@ -56,7 +54,6 @@ class Parameter:
     value: float
     low: float
     high: float
-    map: bool = True
     limits: tuple[float | None, float | None] = (None, None)
 
 
@@ -91,8 +88,6 @@ class EditableInstance(EditableModel):
 
     def parameters(self) -> list[Parameter]:
         parameters: list[Parameter] = []
-        if any(name not in kinds_of(type(self.start)) for name in self.start.parameters):
-            return _labelled_parameters(self.start)
         for name, kind in kinds_of(type(self.start)).items():
             value, label = getattr(self.start, name), str(self.start.labels.get(name, name))
             allowed = self.start.ranges.get(name, ANY)
@@ -135,21 +130,23 @@ class EditableInstance(EditableModel):
 
 
 class EditableFile(EditableModel):
-    """The model of a file: a structure, a train or an epicyclic set (.toml), or the model of a saved curve (.npz)."""
+    """The model of a file (.toml), or of a saved curve (.npz); ``start`` has other initial values than the file."""
 
-    def __init__(self, model: Model, source: str) -> None:
-        self.start, self.source = model, source
+    def __init__(self, model: Model, source: str, start: Model | None = None) -> None:
+        self.of_file, self.source, self.start = model, source, start or model
 
     def parameters(self) -> list[Parameter]:
         return _labelled_parameters(self.start)
 
     def changed(self, values: Mapping[str, float]) -> dict[str, float]:
         """Return the values that differ from those of the file."""
-        initial = self.start.parameters
-        return {name: value for name, value in values.items() if value != initial.get(name)}
+        of_file = self.of_file.parameters
+        return {
+            name: value for name, value in {**self.start.parameters, **values}.items() if value != of_file.get(name)
+        }
 
     def model(self, values: Mapping[str, float]) -> Model:
-        return self.start.replace(**self.changed(values))
+        return self.of_file.replace(**self.changed(values))
 
     def python(self, values: Mapping[str, float]) -> str:
         arguments = ", ".join(f"{name}={value!r}" for name, value in self.changed(values).items())
@@ -250,9 +247,7 @@ def _labelled_parameters(model: Model) -> list[Parameter]:
     ]  # fmt: skip
 
 
-def _parameter(
-    name: str, label: str, value: float, allowed: Range, map: bool = True, usual_size: float | None = None
-) -> Parameter:
+def _parameter(name: str, label: str, value: float, allowed: Range, usual_size: float | None = None) -> Parameter:
     size = abs(value) or usual_size or 1.0
     low, high = (0.2 * value, 2.5 * value) if value > 0 else (2.5 * value, 0.2 * value) if value < 0 else (-size, size)
     if not value and allowed is not ANY:
@@ -260,7 +255,7 @@ def _parameter(
     low, high = max(low, allowed.low), min(high, allowed.high)
     text = re.sub(r"\s*\[[^\[\]]*\]\s*$", "", in_html(label)) if unit_of(label) else in_html(label)
     limits = tuple(end if math.isfinite(end) else None for end in (allowed.low, allowed.high))
-    return Parameter(name, text, bracketed(unit_of(label)).strip(" []"), value, low, high, map, (limits[0], limits[1]))
+    return Parameter(name, text, bracketed(unit_of(label)).strip(" []"), value, low, high, (limits[0], limits[1]))
 
 
 def _call(name: str, obj: Any, **expressions: str) -> str:

@@ -29,7 +29,7 @@ from hbgear.design.fitting.measurement_table import measurements_of
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.io.branches.npz import packed
 from hbgear.mechanics.models import Model
-from hbgear.web.editable_model import EditableInstance, EditableModel
+from hbgear.web.editable_model import EditableModel
 from hbgear.web.overlay import dots, lines_of_motions
 from hbgear.web.reporting import report
 from hbgear.web.view import plain, tables, view, views
@@ -121,7 +121,6 @@ class Explorer:
         model = self.subject.model({})
         return {
             "parameters": [asdict(parameter) for parameter in self.subject.parameters()],
-            "map": [asdict(parameter) for parameter in EditableInstance(model, "").parameters() if parameter.map],
             "span": list(self.span),
             "harmonics": self.harmonics,
             "Omega": in_html(str(model.labels.get("Omega", "Omega"))),

@@ -151,6 +151,35 @@ def test_structures_of_files_and_of_their_curves_are_explored(tmp_path, monkeypa
         subject.toml(values, span, 8)
 
 
+def test_studies_and_curves_of_files_name_their_file(tmp_path, monkeypatch):
+    """The texts of the page had an empty model name, or left out the values that differ from those of the file."""
+    monkeypatch.chdir(tmp_path)
+    Path("stop.toml").write_text(STRUCTURE, encoding="utf-8")
+    Path("study.toml").write_text(
+        'model = "stop.toml"\n[base]\nk = 3.0\n[grid]\ngap = [0.3, 0.4]\n[compute]\nspan = [0.5, 1.5]', encoding="utf-8"
+    )
+    curve = hb.trace(hb.HarmonicBalance(hb.io.read_model("stop.toml"), 3), "Omega", (0.5, 0.6), at={"k": 2.5})
+    curve.save("stop.npz")
+    write_machine(machine(), "pair.toml")
+    pair = hb.io.read_model("pair.toml")
+    hb.trace(hb.HarmonicBalance(pair, 3), "Omega", (2.5, 2.4)).save("pair.npz")
+    for source, initial in (
+        ("study.toml", {"k": 3.0, "gap": 0.3}), ("stop.npz", {"k": 2.5, "gap": 0.1}), ("pair.npz", pair.parameters),
+    ):  # fmt: skip
+        subject, span, H, _ = explored(source, None, None, ends=("0.7", None))
+        assert subject.model({}).parameters == initial == {p.name: p.value for p in subject.parameters()}
+        name = next(iter(initial))
+        for values in ({}, initial, {name: 2.0}):
+            names = {}
+            exec(f"import hbgear as hb\n{subject.python(values)}", names)
+            assert names["model"].parameters == subject.model(values).parameters == {**initial, **values}
+        if source == "study.toml":
+            Path("again.toml").write_text(subject.toml({}, span, H), encoding="utf-8")
+            study = read_study("again.toml")
+            assert study.model.replace(**next(study.vary.rows())).parameters == initial
+            assert (span, H) == ((0.7, 1.5), 16) == (study.work.span, study.work.harmonics)
+
+
 def test_python_text_names_public_classes():
     assert (
         EditableInstance(hb.gears.DoubleHelicalPair(), "double-helical").python({}).startswith("model = hb.gears.Dou")
@@ -163,7 +192,7 @@ def test_python_text_names_public_classes():
 @pytest.mark.slow
 def test_jump_maps_of_a_machine_are_over_its_model():
     found = Explorer(EditableMachine(machine()), SPAN, 4)
-    names = [parameter["name"] for parameter in found.start()["map"]]
+    names = [parameter["name"] for parameter in found.start()["parameters"]]
     model = machine().model()
     assert set(names) == set(model.parameters | model.entries)
     axes = {"x": ["Omega", 0.5, 1.2], "y": ["torque", 200.0, 205.0], "Omega": None}

@@ -8,7 +8,8 @@ from typer.testing import CliRunner
 import hbgear as hb
 from hbgear.cli.app import app
 from hbgear.harmonic.models.model_registry import rebuild_model
-from hbgear.io.machines.structure_file import StructureFileError, is_structure, read_structure
+from hbgear.io.machines.model_file import kind_of_file
+from hbgear.io.machines.structure_file import StructureFileError, read_structure
 from hbgear.mechanics.models import describe
 
 M, K = np.diag([2.0, 5.0]), np.array([[200.0, -100.0], [-100.0, 400.0]])
@@ -87,7 +88,7 @@ def test_files_are_the_machines(folder):
     np.testing.assert_allclose(a.evaluate(X, Omega=9.0)[0], b.evaluate(X, Omega=9.0)[0], rtol=1e-12, atol=1e-12)
     c = hb.HarmonicBalance(read_structure("measured.toml"), 8)
     np.testing.assert_allclose(c.evaluate(X, Omega=9.0)[0], b.evaluate(X, Omega=9.0)[0], atol=1e-4 * np.abs(K).max())
-    assert is_structure("measured.toml") and not is_structure("nowhere.toml")
+    assert (kind_of_file("measured.toml"), kind_of_file("nowhere.toml")) == ("structure", "machine")
 
 
 @pytest.mark.slow
@@ -208,7 +209,7 @@ def test_matrices_in_the_file_with_a_damping_ratio(tmp_path):
 def test_matrices_without_their_table_are_a_structure(tmp_path):
     file = tmp_path / "flat.toml"
     file.write_text(f"M = {M.tolist()}\nK = {K.tolist()}\n" + ELEMENTS)
-    assert is_structure(file)
+    assert kind_of_file(file) == "structure"
     with pytest.raises(StructureFileError, match=r"unknown key 'M'; it has: matrices, receptances, element, load"):
         read_structure(file)
 

@@ -15,7 +15,8 @@ from hbgear.analysis.quantities.engineering_quantities import forces_along
 from hbgear.cli.app import app
 from hbgear.cli.machine_report.speed_ranges import contact_lost, jumps_possible, without_stable_motion
 from hbgear.cli.machine_report.speeds import factor_text, recommendation, resonances, show_speeds
-from hbgear.io.machines.train_file import TrainFileError, is_train, read_train
+from hbgear.io.machines.model_file import kind_of_file
+from hbgear.io.machines.train_file import TrainFileError, read_train
 from hbgear.mechanics.models import describe
 from hbgear.mechanics.structures.scales import Scales
 
@@ -90,7 +91,7 @@ def test_a_file_is_the_train(file):
     made = hb.gears.Train(
         wheels, meshes, [hb.gears.Shaft("middle", "flange", 2e4)], [hb.gears.Bearing("flange")], balance="out"
     )
-    assert train == made and is_train(file)
+    assert train == made and kind_of_file(file) == "train"
 
 
 SHARED = """balance = "ring"

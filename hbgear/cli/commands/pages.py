@@ -19,7 +19,6 @@ from hbgear.common.optional import needed
 from hbgear.continuation.extend import traced_span
 from hbgear.harmonic.equations.layout import layout_of
 from hbgear.harmonic.models import model_registry
-from hbgear.harmonic.models.frequency_units import Omega_of
 
 if TYPE_CHECKING:
     from hbgear.web.editable_model import EditableModel
@@ -110,9 +109,6 @@ def explore(
     check_installed()
     needed("flask", "explore", "the explorer")
     subject, span, H, saved = explored(what, changes, model, allow_code, (first, last))
-    model_shown = subject.model({})
-    span = (span[0] if first is None else Omega_of(model_shown, "--from", first),
-            span[1] if last is None else Omega_of(model_shown, "--to", last))  # fmt: skip
     server = Server(
         Explorer(subject, span, harmonics or H, saved, [hb.load(path) for path in also or ()]), Path(what).stem, port
     )
@@ -131,42 +127,42 @@ def explored(
     allow_code: bool = False,
     ends: tuple[str | None, str | None] = (None, None),
 ) -> tuple[EditableModel, tuple[float, float], int, hb.Branch | None]:
-    """Return the model or machine to explore, its span and harmonics at the start, and the curve of a file."""
+    """Return the model or machine to explore, its span and harmonics at the start, and the curve of a file.
+
+    ``ends`` are the texts of --from and --to.
+    """
     from hbgear.design.studies.samples import Grid
-    from hbgear.design.studies.study_file import is_study, read_study
+    from hbgear.design.studies.study_file import read_study
     from hbgear.io.machines.machine_file import read_machine
-    from hbgear.io.machines.model_file import read_model
-    from hbgear.io.machines.structure_file import is_structure
-    from hbgear.io.machines.train_file import is_train
+    from hbgear.io.machines.model_file import kind_of_file, read_model
     from hbgear.web.editable_model import EditableFile, EditableInstance, EditableMachine
 
     if changes and source.endswith((".npz", ".toml")):
         defining = "curve" if source.endswith(".npz") else "file"
         raise ValueError(f"--set: the {defining} defines the values; change them on the page")
+    kind = kind_of_file(source) if source.endswith(".toml") else ""
+    subject: EditableModel
+    usual, H, saved = None, 16, None
     if source.endswith(".npz"):
-        branch = hb.load(source)
-        problem = model_registry.rebuild_problem(branch.meta, class_of(model_class_name))
-        if branch.parameter != "Omega" or branch.tracked:
-            raise ValueError(f"'{source}' is a curve in {branch.parameter}; the explorer draws curves in Omega")
-        model, layout = problem.model.at(branch.fixed), layout_of(branch)
-        name = model_class_name or _name_of(model)
-        is_structure_of_file = isinstance(model, hb.System) and bool(model.parameters)
-        subject = EditableFile(model, source) if is_structure_of_file else EditableInstance(model, name)
-        return subject, traced_span(branch), layout.harmonics if layout else 16, branch
-    if source.endswith(".toml") and is_study(source):
+        saved = hb.load(source)
+        problem = model_registry.rebuild_problem(saved.meta, class_of(model_class_name))
+        if saved.parameter != "Omega" or saved.tracked:
+            raise ValueError(f"'{source}' is a curve in {saved.parameter}; the explorer draws curves in Omega")
+        layout, model = layout_of(saved), problem.model.at(saved.fixed)
+        name = model_class_name or next((n for n, cls in model_registry.MODELS.items() if cls is type(model)), "")
+        subject = EditableInstance(model, name) if name else EditableFile(problem.model, source, model)
+        usual, H = traced_span(saved), layout.harmonics if layout else H
+    elif kind == "study":
         study = read_study(source, allow_code)
         model = study.model.replace(**next(study.vary.rows())) if isinstance(study.vary, Grid) else study.model
-        return EditableInstance(model, _name_of(study.model)), study.work.span, study.work.harmonics, None
-    if source.endswith(".toml") and (is_train(source) or is_structure(source)):
-        model = read_model(source)
-        return EditableFile(model, source), span_of(model, *ends), 16, None
-    if source.endswith(".toml"):
-        machine_file = read_machine(source)
-        return EditableMachine(machine_file), machine_file.model().default_span, 16, None
-    model = chosen_model(source, changes)
-    return EditableInstance(model, source), span_of(model, None, None), 16, None
-
-
-def _name_of(model: hb.mechanics.Model) -> str:
-    """Return the name under which hbgear knows the class of a model; empty for the classes of others."""
-    return next((name for name, cls in model_registry.MODELS.items() if cls is type(model)), "")
+        is_file = study.source.endswith(".toml")
+        subject = EditableFile(read_model(study.source), study.source, model) if is_file else EditableInstance(
+            model, study.source)  # fmt: skip
+        usual, H = study.work.span, study.work.harmonics
+    elif kind in ("train", "structure"):
+        subject = EditableFile(read_model(source), source)
+    elif kind == "machine":
+        subject = EditableMachine(read_machine(source))
+    else:
+        subject = EditableInstance(chosen_model(source, changes), source)
+    return subject, span_of(subject.model({}), *ends, usual), H, saved

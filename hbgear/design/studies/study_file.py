@@ -36,19 +36,12 @@ class StudyFileError(TomlFileError):
 
 @dataclass(frozen=True)
 class Study:
-    """Content of a study file: model, cases and results to compute."""
+    """Content of a study file: name of the model or path of its file, model, cases and results to compute."""
 
+    source: str
     model: Model
     vary: Grid | Sample
     work: Work
-
-
-def is_study(path: str | os.PathLike[str]) -> bool:
-    """Return whether a file is a study file, which names a model; False if it cannot be read."""
-    try:
-        return isinstance(parsed(path, "a study", StudyFileError)[1].get("model"), str)
-    except StudyFileError:
-        return False
 
 
 def read_study(path: str | os.PathLike[str], allow_code: bool = False) -> Study:
@@ -86,6 +79,7 @@ def _errors_of_table(table: str) -> Iterator[None]:
 class _Subject(NamedTuple):
     """Model of a study: a class, or the model of a file; types of the values that may vary, by name."""
 
+    source: str
     model: type[Model] | Model
     kinds: Mapping[str, Any]
 
@@ -96,12 +90,11 @@ def _subject(name: str, data: Mapping[str, Any], folder: Path) -> _Subject:
         from hbgear.io.machines.model_file import read_model
 
         model = read_model(folder / name)
-        return _Subject(
-            model, {parameter: _quantity_kind(parameter, model) for parameter in {**model.parameters, **model.entries}}
-        )
+        kinds = {parameter: _quantity_kind(parameter, model) for parameter in {**model.parameters, **model.entries}}
+        return _Subject(str(folder / name), model, kinds)
     cls = model_class(name)
     kinds = {n: list[float] if typing.get_origin(k) is tuple else k for n, k in plain_kinds_of(cls).items()}
-    return _Subject(cls, kinds | dict.fromkeys(_entries(cls, data), float))
+    return _Subject(name, cls, kinds | dict.fromkeys(_entries(cls, data), float))
 
 
 def _quantity_kind(name: str, model: Model) -> Any:
@@ -243,4 +236,4 @@ def _study(checked: Any, subject: _Subject | None) -> Study:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # are given when the study is computed
             check_work(model, work)
-    return Study(model, vary, work)
+    return Study(subject.source, model, vary, work)

@@ -3,11 +3,31 @@
 from __future__ import annotations
 
 import os
+from typing import Literal
 
 from hbgear.io.machines.machine_file import read_machine
-from hbgear.io.machines.structure_file import is_structure, read_structure
-from hbgear.io.machines.train_file import is_train, read_train
+from hbgear.io.machines.structure_file import read_structure
+from hbgear.io.machines.toml_file import TomlFileError, parsed
+from hbgear.io.machines.train_file import read_train
+from hbgear.io.matrices import NAMES
 from hbgear.mechanics.models import Model
+
+
+def kind_of_file(path: str | os.PathLike[str]) -> Literal["study", "train", "structure", "machine"]:
+    """Return the content of a TOML file by its keys.
+
+    A study names a model, a train has meshes in a list, a structure has matrices, receptances or elements. Everything
+    else is a machine, whose reader explains what is wrong.
+    """
+    try:
+        data = parsed(path, "a model", TomlFileError)[1]
+    except TomlFileError:
+        return "machine"
+    if isinstance(data.get("model"), str):
+        return "study"
+    if isinstance(data.get("mesh"), list):
+        return "train"
+    return "structure" if data.keys() & {"matrices", "receptances", "element", *NAMES} else "machine"
 
 
 def read_model(path: str | os.PathLike[str]) -> Model:
@@ -42,6 +62,7 @@ def read_model(path: str | os.PathLike[str]) -> Model:
     >>> sorted(model.parameters)
     ['gap', 'k']
     """
-    if is_train(path):
+    kind = kind_of_file(path)
+    if kind == "train":
         return read_train(path)
-    return read_structure(path) if is_structure(path) else read_machine(path).model()
+    return read_structure(path) if kind == "structure" else read_machine(path).model()

@@ -35,7 +35,7 @@ import numpy as np
 from hbgear.common.arrays import Array
 from hbgear.common.process.signals import defer_signals
 from hbgear.common.text.messages import did_you_mean, quoted
-from hbgear.io.machines.toml_file import KeyPath, Problems, TomlFileError, exactly, parsed, read_checked
+from hbgear.io.machines.toml_file import KeyPath, Problems, TomlFileError, exactly, read_checked
 from hbgear.io.matrices import NAMES, Matrices, from_matrices
 from hbgear.io.receptance_files import from_receptances
 from hbgear.mechanics.function_model import SystemOfLaws
@@ -49,18 +49,6 @@ from hbgear.mechanics.structures.receptances import Receptances
 
 class StructureFileError(TomlFileError):
     """Error: the file of a structure is invalid; one text for each problem."""
-
-
-def is_structure(path: str | os.PathLike[str]) -> bool:
-    """Return whether a file describes a structure: it has matrices, receptances or elements.
-
-    False if it cannot be read.
-    """
-    try:
-        data = parsed(path, "a structure", StructureFileError)[1]
-    except StructureFileError:
-        return False
-    return any(name in data for name in ("matrices", "receptances", "element", *NAMES))
 
 
 def read_structure(path: str | os.PathLike[str]) -> System:

@@ -63,7 +63,6 @@ from hbgear.io.machines.toml_file import (
     constructed,
     exactly,
     form,
-    parsed,
     read_checked,
 )
 from hbgear.io.matrices import from_matrices
@@ -80,14 +79,6 @@ _KINDS: dict[str, Any] = {
 
 class TrainFileError(TomlFileError):
     """Error: the file of a train is invalid; one text for each problem."""
-
-
-def is_train(path: str | os.PathLike[str]) -> bool:
-    """Return whether a file describes a train: it has meshes in a list. False if it cannot be read."""
-    try:
-        return isinstance(parsed(path, "a train", TrainFileError)[1].get("mesh"), list)
-    except TrainFileError:
-        return False
 
 
 def read_train(path: str | os.PathLike[str]) -> Train | EpicyclicSet:

@@ -213,7 +213,7 @@ const explorer = (() => {
   /* ---- jump map */
 
   function fillMap() {
-    const names = ["Omega", ...data.map.map((p) => p.name)];
+    const names = ["Omega", ...data.parameters.map((p) => p.name)];
     for (const [id, chosen] of [["mapx", "Omega"], ["mapy", names.includes("zeta") ? "zeta" : names[1]]]) {
       $(id).replaceChildren(...names.map((name) => new Option(name, name, false, name === chosen)));
       $(id).addEventListener("change", () => mapRange(id));
@@ -223,7 +223,7 @@ const explorer = (() => {
   }
 
   function mapRange(id) {
-    const name = $(id).value, p = data.map.find((each) => each.name === name);
+    const name = $(id).value, p = data.parameters.find((each) => each.name === name);
     const [low, high] = name === "Omega" ? [Math.min(now.from, now.to), Math.max(now.from, now.to)] : [p.low, p.high];
     const unit = name === "Omega" ? filled : 1;
     $(`${id}0`).value = hbgear.short(low * unit, 5); $(`${id}1`).value = hbgear.short(high * unit, 5);
