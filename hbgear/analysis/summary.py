@@ -203,19 +203,9 @@ def _has_tori(branch: Branch) -> bool:
 def reliability_lines(branch: Branch, dimensionless: bool = False) -> list[str]:
     """Return the estimated relative errors of a branch in one line, followed by a line for each of its warnings.
 
-    Parameters
-    ----------
-    branch : Branch
-        Traced branch.
-    dimensionless : bool, optional
-        Whether warnings state Omega although the model has scales; default False.
-
-    Returns
-    -------
-    list of str
-        One line with the errors and the number of points with determined stability, and one line that starts with
-        "warning:" for each entry of `Branch.warnings`. Empty if no errors are known. A branch that was traced without
-        errors of special points, such as one of tori, has those of its points.
+    The first line also has the number of points with determined stability; the others start with "warning:". Empty if
+    no errors are known. A branch that was traced without errors of special points, such as one of tori, has the errors
+    of its points. ``dimensionless`` warnings state Omega although the model has scales.
     """
     if branch.meta.get("trace", {}).get("accuracy") is None and math.isnan(branch.relative_error):
         return []

@@ -38,18 +38,10 @@ F = TypeVar("F", bound=Callable[..., Any])
 def checked_arguments(**needs: str) -> Callable[[F], F]:
     """Return a decorator of a function or method that checks its arguments against their annotations.
 
-    A call takes about 10 microseconds longer, so that it is not suitable for functions that run once per Newton step.
-
-    Parameters
-    ----------
-    **needs : str
-        Requirement of an argument in words with an example, if its annotation is not clear to users.
-
-    Returns
-    -------
-    callable
-        The decorator. The function then raises a ValueError for a number, text or sequence that does not fit, and a
-        TypeError for an object of another class.
+    ``needs`` has the requirement of an argument in words with an example, if its annotation is not clear to users. The
+    function then raises a ValueError for a number, text or sequence that does not fit, and a TypeError for an object of
+    another class. A call takes about 10 microseconds longer, so that it is not suitable for functions that run once per
+    Newton step.
     """
 
     def decorated(call: F) -> F:

@@ -50,28 +50,10 @@ def _cannot(path: str | os.PathLike[str], reason: OSError | str, advice: str) ->
 def atomic_write(path: str | os.PathLike[str], mode: str = "xb", **options: Any) -> Iterator[IO[Any]]:
     """Open a file for writing that replaces the target only when it is complete and on the disk.
 
-    Ctrl-C is deferred until it is written.
-
-    Parameters
-    ----------
-    path : path_like
-        The file. An existing file keeps its permissions. A link is followed; a broken link is refused.
-    mode : str, optional
-        Mode of `open`, with "x" for a new file. The default is "xb".
-    **options : dict
-        Further arguments of `open`.
-
-    Yields
-    ------
-    file
-        The temporary file.
-
-    Raises
-    ------
-    FileNotFoundError
-        If there is no such folder.
-    CannotWrite
-        If the file cannot be created, written completely or renamed; an existing file is unchanged.
+    Ctrl-C is deferred until it is written. An existing file keeps its permissions; a link is followed, a broken link is
+    refused. The mode is "xb" or another one for new files of `open`, which gets the other options too.
+    FileNotFoundError is raised if there is no such folder, CannotWrite if the file cannot be created, written
+    completely or renamed; an existing file is then unchanged.
     """
     target = _target(path)
     # a name of fixed length, because the name of the file may have the maximum length

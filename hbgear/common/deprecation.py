@@ -11,31 +11,12 @@ _Class = TypeVar("_Class", bound=type)
 
 
 def warn_renamed(old: str, new: str, stacklevel: int = 3) -> None:
-    """Warn that a name is deprecated.
-
-    Parameters
-    ----------
-    old, new : str
-        Name of the earlier version, and the name that replaces it.
-    stacklevel : int, optional
-        Frame that the warning points to, as in `warnings.warn`. By default it is the caller of the caller.
-    """
+    """Warn that a name is deprecated; `stacklevel` is that of `warnings.warn`, by default the caller of the caller."""
     warnings.warn(f"{old} is deprecated: use {new}", DeprecationWarning, stacklevel=stacklevel)
 
 
 def renamed_attributes(**new_names: str) -> Callable[[_Class], _Class]:
-    """Return a class decorator that adds deprecated attributes.
-
-    Parameters
-    ----------
-    **new_names : str
-        The new name of each old name, such as ``doubts="warnings"``.
-
-    Returns
-    -------
-    callable
-        Adds a read-only property for each old name to a class.
-    """
+    """Return a class decorator that adds a read-only property for each old name, such as ``doubts="warnings"``."""
 
     def decorate(cls: _Class) -> _Class:
         for old, new in new_names.items():
@@ -46,17 +27,9 @@ def renamed_attributes(**new_names: str) -> Callable[[_Class], _Class]:
 
 
 def renamed_fields(**new_names: str) -> Callable[[_Class], _Class]:
-    """Return a class decorator that adds deprecated attributes and keyword arguments to a data class.
+    """Return a decorator of data classes that accept old names as keyword arguments, such as ``longest="max_step"``.
 
-    Parameters
-    ----------
-    **new_names : str
-        The new name of each old name, such as ``longest="max_step"``.
-
-    Returns
-    -------
-    callable
-        Makes the class accept the old names as keyword arguments, and adds a read-only property for each.
+    Each old name is also a read-only property.
     """
 
     def decorate(cls: _Class) -> _Class:

@@ -14,18 +14,6 @@ from typing import Any
 def call(place: str, *arguments: Any, **options: Any) -> Any:
     """Call a function of this package by its name, such as ``call("hbgear.io.branches.npz.save", branch, path)``.
 
-    Parameters
-    ----------
-    place : str
-        Module and name of the function.
-    *arguments, **options
-        Arguments of the function.
-
-    Returns
-    -------
-    object
-        The result of the function.
-
     Examples
     --------
     >>> call("hbgear.common.text.digits.rounded", 1.23456, 3)

@@ -9,26 +9,9 @@ from hbgear.common.process.signals import defer_signals
 
 
 def needed(library: str, extra: str, what: str) -> Any:
-    """Return an optional library, imported.
+    """Return an optional library, imported; ValueError names the extra of hbgear that installs it.
 
-    Parameters
-    ----------
-    library : str
-        Name of the module.
-    extra : str
-        Extra of hbgear that installs it.
-    what : str
-        Function that needs it, in words.
-
-    Returns
-    -------
-    module
-        The library.
-
-    Raises
-    ------
-    ValueError
-        If it is not installed.
+    ``what`` is the function that needs it, in words.
     """
     try:
         with defer_signals():  # some extension modules turn Ctrl-C into an ImportError

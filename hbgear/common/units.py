@@ -59,26 +59,11 @@ def _registry() -> Any:
 
 
 def to_si(owner: str, name: str, value: Any, unit: str) -> float:
-    """Return the number of a quantity in an SI unit.
+    """Return the number of a quantity in an SI unit in the notation of Pint, such as "m", "rad", "N m"; "" without one.
 
-    Parameters
-    ----------
-    owner, name : str
-        Class and name of the quantity, for messages.
-    value : float, str or pint.Quantity
-        A number in the SI unit, or a quantity with its unit such as "3 mm".
-    unit : str
-        SI unit in the notation of Pint, such as "m", "rad", "N m"; empty for a dimensionless number.
-
-    Returns
-    -------
-    float
-        The number.
-
-    Raises
-    ------
-    ValueError
-        If the text is no quantity, the unit does not fit, or the number is not finite.
+    The value is a number in this unit, or a quantity with its unit such as "3 mm"; ``owner`` and ``name`` are its class
+    and name for messages. ValueError is raised if the text is no quantity, the unit does not fit, or the number is not
+    finite.
 
     Examples
     --------
@@ -199,24 +184,9 @@ class QuantityField:
         vars(instance)[self.name] = self.read(type(instance).__name__, value)
 
     def read(self, owner: str, value: Any) -> float:
-        """Return the number of a value.
+        """Return the number of a value in the SI unit; ``owner`` is the class of the field, for messages.
 
-        Parameters
-        ----------
-        owner : str
-            Class of the field, for messages.
-        value : float, str or pint.Quantity
-            Value of the field.
-
-        Returns
-        -------
-        float
-            Number in the SI unit.
-
-        Raises
-        ------
-        ValueError
-            If it is no quantity of the unit, or out of range.
+        ValueError is raised if it is no quantity of the unit, or out of range.
         """
         number = to_si(owner, self.name, value, self.unit)
         checked(owner, self.name, number, self.allowed)

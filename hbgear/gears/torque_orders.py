@@ -33,18 +33,9 @@ TorqueOrders = tuple[tuple[float, float, float], ...]
 def torque_orders(owner: str, harmonics: Any) -> TorqueOrders:
     """Return the harmonics of a torque: order, amplitude [N m] and phase [rad] of each, by ascending order.
 
-    Parameters
-    ----------
-    owner : str
-        Class of the field, for messages.
-    harmonics : mapping or sequence of tuple
-        ``{order: amplitude}`` or ``{order: (amplitude, phase)}``, or tuples of order, amplitude and phase. Orders may
-        be texts of numbers, such as "1/2".
-
-    Raises
-    ------
-    ValueError
-        If an order is not a positive fraction with a denominator up to 60, occurs twice, or a quantity is not valid.
+    They are given as ``{order: amplitude}`` or ``{order: (amplitude, phase)}``, or as tuples of order, amplitude and
+    phase; orders may be texts of numbers, such as "1/2". ValueError, in the name of the ``owner``, is raised if an
+    order is not a positive fraction with a denominator up to 60, occurs twice, or a quantity is not valid.
     """
     rows = []
     for order, amplitude, phase in _rows(owner, harmonics):

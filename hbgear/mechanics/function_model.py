@@ -81,23 +81,7 @@ class SystemOfLaws(System):  # numpydoc ignore=PR02
         return {name: self._value(*key) for name, key in self._places().items()}
 
     def replace(self, /, **changes: Any) -> Self:
-        """Return a copy with other values of parameters or fields.
-
-        Parameters
-        ----------
-        **changes
-            Values by name.
-
-        Returns
-        -------
-        SystemOfLaws
-            The copy.
-
-        Raises
-        ------
-        KeyError
-            If there is no such parameter.
-        """
+        """Return a copy with other values of parameters or fields by name; KeyError if there is no such parameter."""
         places = self._places()
         elements, laws = list(self.elements), [(name, dict(values)) for name, values in self.laws]
         for name in [name for name in changes if name in places]:

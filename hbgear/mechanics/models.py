@@ -394,20 +394,11 @@ class System(Model):  # numpydoc ignore=PR02
 
 
 def describe(model: Model) -> dict[str, Any]:
-    """Describe a model by plain data for JSON.
+    """Return a description of a model by plain data for JSON, ``{"class": name, "fields": {...}}``.
 
-    Parameters
-    ----------
-    model : Model
-        Any model.
-
-    Returns
-    -------
-    dict
-        ``{"class": name, "fields": {...}}`` of numbers, texts and lists. Fields that are not data (functions, laws that
-        are not registered, very large matrices) are missing: ``"left_out"`` names them, ``"reasons"`` states why, and
-        such a model cannot be rebuilt. ``"from"`` is the file or module of a model that is not of hbgear, for the
-        reader of the file.
+    Fields that are not data (functions, laws that are not registered, very large matrices) are missing: ``"left_out"``
+    names them, ``"reasons"`` states why, and such a model cannot be rebuilt. ``"from"`` is the file or module of a
+    model that is not of hbgear, for the reader of the file.
     """
     fields: dict[str, Any] = {}
     reasons: dict[str, str] = {}

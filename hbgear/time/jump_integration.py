@@ -153,18 +153,7 @@ def integrate_jumps(
 
 
 def reason_against(branch: Branch) -> str:
-    """Return the reason for which the motions of a branch are not integrated beyond jumps.
-
-    Parameters
-    ----------
-    branch : Branch
-        Branch of periodic motions with its problem.
-
-    Returns
-    -------
-    str
-        Reason in words; empty if they are integrated.
-    """
+    """Return the reason for which the motions of a branch are not integrated beyond jumps; empty if they are."""
     parameters = branch.parameters_at(0)
     system = branch.problem.model_at(parameters).system()
     structure = structure_of(system if system.speed is None else system.at_speed(parameters["Omega"]))

@@ -167,21 +167,9 @@ def tooth_loads(point: Point, mesh: ToothMesh, element: int | str = 0) -> ToothL
 def load_estimates(branch: Branch, numbers: Sequence[int], mesh: ToothMesh, side: int) -> Array:
     """Return the largest loads of the first element at few positions, to select motions for `tooth_loads`.
 
-    Parameters
-    ----------
-    branch : Branch
-        Branch along which the mesh does not change.
-    numbers : sequence of int
-        Numbers of its points, at least one.
-    mesh : ToothMesh
-        The mesh.
-    side : {1, -1}
-        Loaded flanks, -1 for the back flanks.
-
-    Returns
-    -------
-    ndarray, shape (len(numbers), 3)
-        Largest force of a pair [N] and root stress of pinion and wheel [N/m^2]; nan for a ring gear.
+    The mesh does not change along the branch; ``numbers`` are numbers of its points, and ``side`` is -1 for the back
+    flanks, else 1. Each row of the result (len(numbers), 3) is the largest force of a pair [N] and the root stress of
+    pinion and wheel [N/m^2]; nan for a ring gear.
     """
     motion = _Motion(branch[numbers[0]], mesh, 0)
     forces = [motion.forces(branch[i], side, COARSE_STEPS) for i in numbers]

@@ -87,19 +87,7 @@ def are_meshes(model: Model | None, layout: Layout) -> list[bool]:
 def usual_measure(branch: Branch, dimensionless: bool = False, element: int | str = 0) -> str:
     """Return the measure that is shown by default: the transmission error of a mesh in physical units, otherwise "pp2".
 
-    Parameters
-    ----------
-    branch : Branch
-        Branch to show.
-    dimensionless : bool, optional
-        Whether amplitudes keep the unit of the model; default False.
-    element : int or str, optional
-        Element by number or name; default 0. A bearing has no transmission error.
-
-    Returns
-    -------
-    str
-        Name of the measure.
+    A bearing has no transmission error, and amplitudes that are ``dimensionless`` keep the unit of the model.
 
     Examples
     --------

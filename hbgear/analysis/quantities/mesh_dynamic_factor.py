@@ -94,19 +94,10 @@ def dynamic_factor(model: Model, point: Point, element: int | str = 0) -> float:
 
 
 def is_static(force: Array, level: float) -> bool:
-    """Return whether the mean of a force differs from zero; see the thresholds in the module header.
+    """Return whether the mean of a force is larger than its accuracy and rounding.
 
-    Parameters
-    ----------
-    force : ndarray
-        Samples of the force of an element over the period of its motion; their number is a multiple of 8.
-    level : float
-        Force level of the machine, see `force_level`.
-
-    Returns
-    -------
-    bool
-        True if the static force is larger than its accuracy and rounding.
+    The thresholds are in the module header. The number of samples over the period of its motion is a multiple of 8;
+    ``level`` is the `force_level` of the machine.
     """
     by_jumps = np.ptp(force.reshape(-1, _COARSE_MEANS).mean(axis=0)) / _SAFE_RANGE
     accuracy = max(_FORCE_ACCURACY * np.abs(force).max(), by_jumps)
@@ -144,30 +135,11 @@ def force_samples(
     elements: Sequence[Element], index: int, prescribed: Callable[[int], ComplexArray], rows: Array, rate: float,
     nu: int, count: int = FORCE_SAMPLES,
 ) -> Array:  # fmt: skip
-    """Return samples of the force of an element over the period of its motion.
+    """Return samples (N,) of the force of an element at equidistant phases over the period of its motion.
 
-    Parameters
-    ----------
-    elements : sequence of Element
-        All elements.
-    index : int
-        Number of the element.
-    prescribed : callable
-        Harmonics of the prescribed displacement of an element by its number, as for
-        `hbgear.harmonic.forces.breakpoints.gap_samples`.
-    rows : ndarray, shape (m, 2H + 1)
-        Fourier coefficients of the displacements of all elements.
-    rate : float
-        Rate of the phase dtheta/dt.
-    nu : int
-        Number of periods of the excitation in the period of the motion.
-    count : int, optional
-        Number N of samples. The default is 4096.
-
-    Returns
-    -------
-    ndarray, shape (N,)
-        Force at equidistant phases.
+    ``prescribed`` returns the harmonics of the prescribed displacement of an element by its number, as for
+    `hbgear.harmonic.forces.breakpoints.gap_samples`. ``rows`` (m, 2H + 1) are the displacements of all elements over nu
+    periods of the excitation, ``rate`` is dtheta/dt of the phase, and ``count`` is N.
     """
     tau = nu * (2 * np.pi * np.arange(count) / count)
 

@@ -24,24 +24,9 @@ class DamagedFile(ValueError):
 
 
 def read_parts(path: Path) -> dict[str, bytes]:
-    """Read the parts of a file.
+    """Return the content of each part of a file of `write_parts` by its name; empty if there is no such file.
 
-    Parameters
-    ----------
-    path : Path
-        A file of `write_parts`.
-
-    Returns
-    -------
-    dict
-        Content of each part by its name; empty if there is no such file.
-
-    Raises
-    ------
-    DamagedFile
-        If the checksum is wrong.
-    OSError
-        If the file exists but cannot be read.
+    DamagedFile is raised if the checksum is wrong, OSError if the file exists but cannot be read.
     """
     try:
         content = path.read_bytes()
@@ -55,19 +40,9 @@ def read_parts(path: Path) -> dict[str, bytes]:
 
 
 def write_parts(path: Path, parts: Mapping[str, bytes]) -> None:
-    """Write parts to a file, in place of one that exists.
+    """Write the content of parts by name to a file, in place of one that exists; its folder exists.
 
-    Parameters
-    ----------
-    path : Path
-        The file; its folder exists.
-    parts : mapping
-        Content of each part by its name.
-
-    Raises
-    ------
-    OSError
-        If the file cannot be written; an earlier file is then as it was.
+    OSError is raised if the file cannot be written; an earlier file is then as it was.
     """
     packed = io.BytesIO()
     with zipfile.ZipFile(packed, "w") as archive:

@@ -12,22 +12,8 @@ MOST_BYTES = 32 << 20
 def bytes_of_file(path: str | os.PathLike[str], kind: str) -> bytes:
     """Return the bytes of a regular file; pipes and devices, which may never end, are not opened.
 
-    Parameters
-    ----------
-    path : path_like
-        The file.
-    kind : str
-        Content that is expected, for messages, such as "a study".
-
-    Returns
-    -------
-    bytes
-        Content of the file.
-
-    Raises
-    ------
-    ValueError
-        If the file cannot be opened, is a pipe, a device, a socket or a folder, or is too large.
+    ``kind`` is the content that is expected, for messages, such as "a study". ValueError is raised if the file cannot
+    be opened, is a pipe, a device, a socket or a folder, or is too large.
     """
     refused = f"'{path}' cannot be read as {kind}"
     try:
@@ -48,24 +34,9 @@ def bytes_of_file(path: str | os.PathLike[str], kind: str) -> bytes:
 
 
 def text_of_file(path: str | os.PathLike[str], kind: str) -> str:
-    """Return the text of a file in UTF-8, with or without a byte order mark.
+    """Return the text of a file in UTF-8, with or without a byte order mark, with line ends LF.
 
-    Parameters
-    ----------
-    path : path_like
-        The file.
-    kind : str
-        Content that is expected, for messages, such as "a study".
-
-    Returns
-    -------
-    str
-        Text with line ends LF.
-
-    Raises
-    ------
-    ValueError
-        If the file cannot be opened, is no regular file, is too large, or contains no text.
+    ValueError is raised as by `bytes_of_file`, or if the file contains no text.
     """
     try:
         text = bytes_of_file(path, kind).decode("utf-8-sig")

@@ -141,17 +141,8 @@ def _limit_solution(
 def power_law_limit(sizes: Array, values: Array) -> tuple[float, float] | None:
     """Return the limit p_inf of a curve whose parameter follows p_inf + C r^-k as its size r grows, and its error.
 
-    Parameters
-    ----------
-    sizes : ndarray, shape (P,)
-        Sizes r of the last points, which grow by a factor of eight at least.
-    values : ndarray, shape (P,)
-        Values p of the parameter.
-
-    Returns
-    -------
-    (float, float) or None
-        The limit and its error; None if the changes of p follow no power law.
+    The sizes r (P,) of the last points grow by a factor of eight at least, with the values p (P,). None is returned if
+    the changes of p follow no power law.
 
     Examples
     --------

@@ -28,21 +28,9 @@ class HasUnits(Protocol):
 
 
 def directional_step(X: Array, v: Array, relative: float = STEP) -> float:
-    """Return the step h of a central difference (f(X + h v) - f(X - h v)) / 2h.
+    """Return the step h of a central difference (f(X + h v) - f(X - h v)) / 2h at unknowns X along v, (n,) each.
 
-    Parameters
-    ----------
-    X : ndarray, shape (n,)
-        Unknowns.
-    v : ndarray, shape (n,)
-        Direction.
-    relative : float, optional
-        Step relative to the size of the unknowns; default 1e-5.
-
-    Returns
-    -------
-    float
-        The step.
+    The change h v has the size ``relative`` relative to X.
     """
     return relative * max(1e-3, norm(X)) / norm(v)
 
@@ -53,29 +41,9 @@ def parameter_derivatives(
 ) -> tuple[Any, ...]:  # fmt: skip
     """Return the derivatives of several quantities in a parameter.
 
-    Parameters
-    ----------
-    problem : HasUnits
-        Problem that gives the size of the parameter.
-    name : str
-        The parameter.
-    parameters : mapping of str to float
-        Values of all parameters.
-    f : callable
-        Returns a tuple of quantities at a dict of all parameters, each a number, an array or a matrix. It raises
-        ValueError outside the range of the parameter.
-    step : float, optional
-        Step relative to the size of the parameter; default 1e-5.
-
-    Returns
-    -------
-    tuple
-        The derivative of each quantity.
-
-    Raises
-    ------
-    ValueError
-        If `f` raises it on both sides.
+    ``f`` returns a tuple of quantities at a dict of all parameters, each a number, an array or a matrix. It raises
+    ValueError outside the range of the parameter, and so does this function if that happens on both sides. ``step`` is
+    relative to the size of the parameter.
 
     Examples
     --------

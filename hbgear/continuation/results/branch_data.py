@@ -163,23 +163,7 @@ class BranchData:
 
     @checked_arguments()
     def parameters_at(self, i: int) -> dict[str, float]:
-        """Return all parameters of a point.
-
-        Parameters
-        ----------
-        i : int
-            Number of the point.
-
-        Returns
-        -------
-        dict of str to float
-            The parameter of the branch is the last one.
-
-        Raises
-        ------
-        IndexError
-            If the branch does not have this point.
-        """
+        """Return all parameters of a point, that of the branch last; IndexError if there is no such point."""
         if not -len(self) <= i < len(self):
             raise IndexError(f"no point {quoted(i)}; the branch has {len(self)} points")
         tracked = {name: float(x[i]) for name, x in self.tracked.items()}

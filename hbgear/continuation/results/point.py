@@ -36,68 +36,21 @@ BIFURCATING = "bifurcating"
 
 
 def require_layout(layout: LayoutProtocol | None) -> LayoutProtocol:
-    """Return the layout of the unknowns.
-
-    Parameters
-    ----------
-    layout : LayoutProtocol or None
-        Layout of a point or branch.
-
-    Returns
-    -------
-    LayoutProtocol
-        The same layout.
-
-    Raises
-    ------
-    ValueError
-        If it is None.
-    """
+    """Return the layout of the unknowns; raise ValueError if it is None."""
     if layout is None:
         raise ValueError("the problem does not describe its unknowns (layout is None); use X directly")
     return layout
 
 
 def name_of_regime(codes: NDArray[np.int8], layout: LayoutProtocol | None) -> str:
-    """Return the name of the most severe regime.
-
-    Parameters
-    ----------
-    codes : ndarray of int8
-        Regime code of each element, -1 if it is unknown.
-    layout : LayoutProtocol or None
-        Layout with the names of the regimes.
-
-    Returns
-    -------
-    str
-        Name of the largest code, or "unknown".
-    """
+    """Return the name of the most severe regime of elements, "unknown" if all codes are -1."""
     worst = int(np.max(codes, initial=-1))
     names = layout.regimes if layout else ()
     return names[min(worst, len(names) - 1)] if worst >= 0 and names else "unknown"
 
 
 def dof_index(dof: int | str, names: Sequence[str]) -> int:
-    """Return the index of a degree of freedom.
-
-    Parameters
-    ----------
-    dof : int or str
-        Index or name.
-    names : sequence of str
-        Names of all degrees of freedom.
-
-    Returns
-    -------
-    int
-        Index in `names`.
-
-    Raises
-    ------
-    KeyError
-        If the model does not have this degree of freedom.
-    """
+    """Return the index of a degree of freedom, given by index or name; KeyError if the model does not have it."""
     if isinstance(dof, str):
         if dof not in names:
             raise KeyError(f"the model has no degree of freedom '{dof}'{did_you_mean(dof, list(names))}")
@@ -108,30 +61,10 @@ def dof_index(dof: int | str, names: Sequence[str]) -> int:
 
 
 def rows_of_dof(problem: Any, dof: int | str, X: Array, parameters: Sequence[Mapping[str, float]]) -> Array:
-    """Return the coefficients of a degree of freedom in P solutions.
+    """Return the coefficients (P, ...) of a degree of freedom, by index or name, in P solutions X (P, n).
 
-    Parameters
-    ----------
-    problem : object
-        Problem that the solutions solve.
-    dof : int or str
-        Index or name of the degree of freedom.
-    X : ndarray, shape (P, n)
-        Unknowns of the solutions.
-    parameters : sequence of P mappings of str to float
-        Parameters of each solution.
-
-    Returns
-    -------
-    ndarray, shape (P, ...)
-        For harmonic balance ``(a0, a1, b1, ..., aH, bH)`` of each solution.
-
-    Raises
-    ------
-    ValueError
-        If the problem has no degrees of freedom.
-    KeyError
-        If the model does not have this degree of freedom.
+    They are ``(a0, a1, b1, ..., aH, bH)`` for harmonic balance. ValueError is raised if the problem has no degrees of
+    freedom, KeyError if the model does not have this one.
     """
     if not isinstance(problem, ReconstructsMotion):
         raise ValueError(f"dof={dof!r} needs a problem with degrees of freedom; {type(problem).__name__} has none")
@@ -142,25 +75,9 @@ def rows_of_dof(problem: Any, dof: int | str, X: Array, parameters: Sequence[Map
 def measured(
     layout: LayoutProtocol, measure: str, rows: Array, parameters: Sequence[Mapping[str, float]], derivative: int
 ) -> Array:
-    """Return a measure of amplitude of P solutions.
+    """Return a measure (P,) of amplitude, such as "rms", of the coefficients (P, ...) of an element in P solutions.
 
-    Parameters
-    ----------
-    layout : LayoutProtocol
-        Layout of the unknowns.
-    measure : str
-        Name of the measure, such as "rms".
-    rows : ndarray, shape (P, ...)
-        Coefficients of an element or degree of freedom.
-    parameters : sequence of P mappings of str to float
-        Parameters of each solution; not used for displacements.
-    derivative : int
-        Order of the derivative in time.
-
-    Returns
-    -------
-    ndarray, shape (P,)
-        Values of the measure.
+    ``derivative`` is the order of the derivative in time; the parameters are not used for displacements.
     """
     if derivative:
         columns = {name: np.array([p[name] for p in parameters]) for name in parameters[0]}
@@ -473,17 +390,7 @@ _AnyPoint = TypeVar("_AnyPoint", bound=Point)
 def with_problem(point: _AnyPoint, problem: Any) -> _AnyPoint:
     """Return a point that refers to its problem, at its resolution: a special point may have more unknowns.
 
-    Parameters
-    ----------
-    point : Point
-        Point that may have a problem already, which is kept.
-    problem : object
-        Problem of the branch of the point.
-
-    Returns
-    -------
-    Point
-        The same point, or a copy with the problem.
+    A problem that the point has already is kept.
     """
     if point.problem is not None:
         return point
@@ -492,20 +399,7 @@ def with_problem(point: _AnyPoint, problem: Any) -> _AnyPoint:
 
 
 def jump_with_problem(jump: Jump, problem: Any) -> Jump:
-    """Return a jump whose points refer to their problem.
-
-    Parameters
-    ----------
-    jump : Jump
-        Jump with points that may have a problem already, which is kept.
-    problem : object
-        Problem of the branch of the jump.
-
-    Returns
-    -------
-    Jump
-        The same jump, or a copy with the problem.
-    """
+    """Return a jump whose points refer to their problem; problems that they have already are kept."""
     points = (jump.before, *(() if jump.after is None else (jump.after,)), *jump.candidates)
     if all(point.problem is not None for point in points):
         return jump

@@ -19,18 +19,8 @@ _MESSAGES = {
 
 
 def status_message(status: int, number: float) -> str:
-    """Return the message of a status.
+    """Return the message of a status, empty for an accepted point.
 
-    Parameters
-    ----------
-    status : int
-        Code of the status.
-    number : float
-        Quantity of the message: angle [deg], prediction error or residual.
-
-    Returns
-    -------
-    str
-        The message, empty for an accepted point.
+    ``number`` is its quantity: angle [deg], prediction error or residual.
     """
     return _MESSAGES[status].format(number=number)

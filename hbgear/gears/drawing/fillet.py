@@ -42,14 +42,9 @@ class RackTip(NamedTuple):
     def trochoid(self, pitch_radius: float, helix: float, cotangents: Array) -> tuple[Array, Array]:
         """Return radii [m] and angles from the middle of the tooth space [rad] of the fillet in the transverse plane.
 
-        Parameters
-        ----------
-        pitch_radius : float
-            Radius of the rolling circle [m].
-        helix : float
-            Helix angle [rad]; 0 for the normal section of a virtual spur gear.
-        cotangents : ndarray
-            Values of cot(t), from 0 at the root circle to cot(alpha_n) at the end of the rounding.
+        ``pitch_radius`` is that of the rolling circle [m]; ``helix`` [rad] is 0 for the normal section of a virtual
+        spur gear. The cotangents are values of cot(t), from 0 at the root circle to cot(alpha_n) at the end of the
+        rounding.
         """
         sine = 1 / np.sqrt(1 + cotangents**2)
         depth = self.c + self.rho * sine
@@ -59,21 +54,10 @@ class RackTip(NamedTuple):
         return np.hypot(tangential, radial), np.arctan2(tangential, radial) + roll / pitch_radius
 
     def end(self, pitch_radius: float, helix: float, base_radius: float, space: float) -> float:
-        """Return cot(t) where the fillet meets the involute.
+        """Return cot(t) where the fillet meets the involute: cot(alpha_n) without undercut, nan if it does not meet.
 
-        Parameters
-        ----------
-        pitch_radius, helix : float
-            As for `trochoid`.
-        base_radius : float
-            Base radius in the same section [m].
-        space : float
-            Half the angle of the tooth space on the base circle, with the involute continued to it [rad].
-
-        Returns
-        -------
-        float
-            Value of cot(t), cot(alpha_n) without undercut; nan if the fillet meets no involute.
+        The base radius [m] is that of the same section, ``space`` half the angle of the tooth space on the base circle
+        [rad], with the involute continued to it; the other arguments are as for `trochoid`.
         """
         last = 1 / tan(self.alpha)
         straight_depth = self.c + self.rho * sin(self.alpha)

@@ -38,47 +38,17 @@ def inverse_involute(value: float) -> float:
 
 
 def transverse_pressure_angle(alpha_n: float, beta: float) -> float:
-    """Return the transverse pressure angle [rad].
-
-        tan(alpha_t) = tan(alpha_n) / cos(beta)
-
-    Parameters
-    ----------
-    alpha_n : float
-        Normal pressure angle [rad].
-    beta : float
-        Helix angle at the pitch circle [rad].
-    """
+    """Return alpha_t [rad], tan(alpha_t) = tan(alpha_n) / cos(beta), of normal pressure angle and helix angle [rad]."""
     return atan(tan(alpha_n) / cos(beta))
 
 
 def base_helix_angle(alpha_n: float, beta: float) -> float:
-    """Return the helix angle at the base circle [rad].
-
-        sin(beta_b) = sin(beta) cos(alpha_n)
-
-    Parameters
-    ----------
-    alpha_n, beta : float
-        Normal pressure angle and helix angle at the pitch circle [rad].
-    """
+    """Return beta_b [rad], sin(beta_b) = sin(beta) cos(alpha_n), of helix angle and normal pressure angle [rad]."""
     return asin(sin(beta) * cos(alpha_n))
 
 
 def base_radius(teeth: int, module: float, alpha_n: float, beta: float) -> float:
-    """Return the base radius [m].
-
-        r = teeth module cos(alpha_t) / (2 cos(beta))
-
-    Parameters
-    ----------
-    teeth : int
-        Number of teeth.
-    module : float
-        Normal module [m].
-    alpha_n, beta : float
-        Normal pressure angle and helix angle [rad].
-    """
+    """Return the base radius z m cos(alpha_t) / (2 cos(beta)) [m], for a normal module [m] and angles [rad]."""
     return teeth * module * cos(transverse_pressure_angle(alpha_n, beta)) / (2 * cos(beta))
 
 
@@ -94,26 +64,12 @@ class ShaftStiffness(NamedTuple):
 
 
 def shaft_stiffness(E: float, poisson: float, outer: float, inner: float, length: float) -> ShaftStiffness:
-    """Return the stiffnesses of a hollow round shaft section.
+    """Return the stiffnesses of a hollow round shaft section of diameters D, d and length l [m].
 
         bending 12 E I / l^3,   axial E A / l,   torsional G J / l,   G = E / (2 (1 + poisson))
         A = pi (D^2 - d^2) / 4,   I = pi (D^4 - d^4) / 64,   J = 2 I
 
     The bending formula neglects shear, so it overestimates the stiffness of a section that is as short as it is thick.
-
-    Parameters
-    ----------
-    E : float
-        Young's modulus [N/m^2].
-    poisson : float
-        Poisson's ratio.
-    outer, inner : float
-        Diameters D, d [m].
-    length : float
-        Length l [m].
-
-    References
-    ----------
     Dong et al. (2022), eqs. (12), (13).
     """
     area = pi * (outer**2 - inner**2) / 4

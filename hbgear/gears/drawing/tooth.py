@@ -80,19 +80,11 @@ class Tooth:
         return radius, pi / self.teeth - angle
 
     def compliance(self, height: Array) -> tuple[Array, Array]:
-        """Return the compliance per face width and the depth of the tooth behind the contact.
+        """Return the compliance per face width and the depth of the tooth behind the contact, (P,) each.
 
-        Parameters
-        ----------
-        height : array_like, shape (P,)
-            Height of the contact above the reference circle [m].
-
-        Returns
-        -------
-        compliance : ndarray, shape (P,)
-            Displacement along the force for a force of 1 N per metre of face width [m^2/N].
-        depth : ndarray, shape (P,)
-            Distance along the force from the flank to the centre line [m].
+        The contact is at heights (P,) above the reference circle [m]. The compliance is the displacement along the
+        force for 1 N per metre of face width [m^2/N], the depth the distance along the force from the flank to the
+        centre line [m].
         """
         radius = np.clip(self.pitch + height, max(self.base, self.radius[0]), self.radius[-1])
         half_angle = np.interp(radius, self.radius, self.half_angle)

@@ -42,12 +42,7 @@ class IsoStiffness(NamedTuple):
 def iso_stiffness(pair: GearPair, torque: float | None = None) -> IsoStiffness:
     """Return the stiffnesses by ISO 6336-1, method B; the module docstring states the equations.
 
-    Parameters
-    ----------
-    pair : GearPair
-        Gear pair.
-    torque : float or None, optional
-        Torque on the pinion [N m], which matters for loads below 100 N/mm. Default None: the load is larger.
+    The torque on the pinion [N m] matters for loads below 100 N/mm; None is a larger one.
     """
     p, w = pair.pinion, pair.wheel
     x_1, x_2, u_1, u_2 = p.profile_shift, w.profile_shift, 1 / p.virtual_teeth, 1 / w.virtual_teeth

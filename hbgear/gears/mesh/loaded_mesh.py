@@ -81,24 +81,10 @@ def loaded_mesh(
 ) -> MeshCycle:
     """Compute mesh stiffness and transmission error over a mesh cycle; the module docstring states the equations.
 
-    Parameters
-    ----------
-    pair : GearPair
-        Gear pair.
-    torque : float or str
-        Torque on the pinion [N m], positive.
-    phases : int, default 256
-        Number of steps of the cycle, at least 8. Two points are added where a pair of spur teeth leaves contact.
-    slices : int or None, optional
-        Number of slices of the face width. By default it follows from the overlap ratio of helical gears, is 24 for
-        crowned or misaligned spur gears and 1 for other spur gears.
-    linearized : {"secant", "tangent"}, default "secant"
-        Secant or tangent stiffness of the loaded mesh.
-
-    Raises
-    ------
-    ValueError
-        If the torque is not positive or an option is not valid.
+    The torque on the pinion [N m] is positive. ``phases`` is the number of steps of the cycle, at least 8; two points
+    are added where a pair of spur teeth leaves contact. The number of slices of the face width is 1 for spur gears, 24
+    if they are crowned or misaligned, and follows from the overlap ratio of helical gears. ``linearized`` is the
+    "secant" or "tangent" stiffness of the loaded mesh. ValueError is raised if an argument is not valid.
     """
     torque = to_si("GearPair.mesh", "torque", torque, "N m")
     if torque <= 0:

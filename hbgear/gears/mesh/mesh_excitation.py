@@ -207,17 +207,7 @@ def amplitudes(owner: str, name: str, values: Any) -> tuple[float, ...]:
 
 
 def lagged_series(values: tuple[float, ...], lag: tuple[float, ...], mean: float = 0.0) -> Series:
-    """Return a sum of cosines, each with its phase lag.
-
-        mean + sum_l values[l-1] cos(l tau - lag[l-1])
-
-    Parameters
-    ----------
-    values : tuple of float, shape (L,)
-        Amplitudes; entry 0 is for l = 1.
-    lag : tuple of float, shape (L,)
-        Phase lags [rad], or () for no lag.
-    """
+    """Return mean + sum_l values[l-1] cos(l tau - lag[l-1]); the phase lags [rad] are () for none."""
     if not lag:
         return Series(mean, values)
     c = np.asarray(values) * np.exp(1j * np.asarray(lag))
@@ -240,40 +230,14 @@ def checked_lags(owner: str, name: str, values: tuple[float, ...], lag: Any) -> 
 
 
 def transmission_error(e: tuple[float, ...], phase: str, scale: float, lag: tuple[float, ...]) -> Series:
-    """Return the transmission error.
-
-        e(tau) = scale sum_l e[l-1] cos(l tau - lag[l-1]), or sin
-
-    Parameters
-    ----------
-    e : tuple of float, shape (L,)
-        Amplitudes; entry 0 is for l = 1.
-    phase : {"cos", "sin"}
-        Function of the harmonics.
-    scale : float
-        Factor of all amplitudes.
-    lag : tuple of float, shape (L,)
-        Phase lags [rad], or () for no lag.
-    """
+    """Return e(tau) = scale sum_l e[l-1] cos(l tau - lag[l-1]), or sin; the phase lags [rad] are () for none."""
     if phase == "cos" or not lag:
         return (lagged_series(e, lag) if phase == "cos" else Series(sine=e)).scaled(scale)
     return lagged_series(e, tuple(x + pi / 2 for x in lag)).scaled(scale)
 
 
 def mesh_stiffness(eps: tuple[float, ...], scale: float = 1.0, lag: tuple[float, ...] = ()) -> Series:
-    """Return the mesh stiffness over its mean.
-
-        k(tau) = 1 - scale sum_l eps[l-1] cos(l tau - lag[l-1])
-
-    Parameters
-    ----------
-    eps : tuple of float, shape (L,)
-        Amplitudes; entry 0 is for l = 1.
-    scale : float, default 1.0
-        Factor of all amplitudes.
-    lag : tuple of float, shape (L,), optional
-        Phase lags [rad]. Default (): no lag.
-    """
+    """Return k(tau) = 1 - scale sum_l eps[l-1] cos(l tau - lag[l-1]); the phase lags [rad] are () for none."""
     return lagged_series(tuple(-scale * amplitude for amplitude in eps), lag, 1.0)
 
 

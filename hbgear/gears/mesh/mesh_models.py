@@ -65,28 +65,10 @@ def mesh_model(
 ) -> MeshModel:  # fmt: skip
     """Return the mesh of a pair under a torque; the module docstring describes the models.
 
-    Parameters
-    ----------
-    owner : str
-        Function or class that error messages name.
-    pair : GearPair
-        Gear pair.
-    torque : float
-        Torque on the pinion [N m], positive.
-    mesh : {"teeth", "secant", "tangent"} or None
-        Model of the mesh; None for "teeth".
-    cycle : MeshCycle or None
-        Tables instead of a computed mesh.
-    friction : float or BenedictKelley
-        Coefficient of friction between the teeth.
-    side : {1, -1}
-        Loaded flank: -1 if the wheel drives.
-
-    Raises
-    ------
-    ValueError
-        If the name is unknown, both a name and tables are given, the torque is not positive, or there is friction or
-        errors of single teeth without pairs of teeth.
+    The torque on the pinion [N m] is positive. The model is "teeth" (None), "secant" or "tangent"; a ``cycle`` are
+    tables instead. The loaded ``side`` is -1 if the wheel drives, else 1. ValueError, in the name of the ``owner``, is
+    raised if the name is unknown, both a name and tables are given, the torque is not positive, or there is friction or
+    errors of single teeth without pairs of teeth.
     """
     friction = checked_friction(owner, friction)
     if friction and (cycle is not None or mesh not in (None, "teeth")):

@@ -92,17 +92,9 @@ def turning_frame(masses: Array, dampers: Array, speed: float) -> SpeedTerms:
         damping force on central members  -c (x' - Omega_c y),   -c (y' + Omega_c x)
 
     u_c is subtracted for planets only: where the carrier has turned, the centrifugal force of a planet has turned with
-    it, so that a rotation of the whole set needs no force. The bearings of the central members stand still.
-
-    Parameters
-    ----------
-    masses : ndarray, shape (n,)
-        Diagonal of M; every third coordinate is a rotation, the two before it are displacements in the plane. Carrier,
-        ring and sun are the first members.
-    dampers : ndarray, shape (3,)
-        Damping coefficients of their bearings.
-    speed : float
-        Speed of the frame over Omega.
+    it, so that a rotation of the whole set needs no force. The bearings of the central members, with the ``dampers``
+    (3,), stand still. ``masses`` (n,) is the diagonal of M: every third coordinate is a rotation, the two before it are
+    displacements in the plane; carrier, ring and sun are the first members.
     """
     n = len(masses)
     G, inward, around = np.zeros((3, n, n))

@@ -486,15 +486,7 @@ MAX_END_SHIFT = 0.1
 def events_of_codimension_two(curve: MinimallyAugmentedProblem) -> tuple[Event, ...]:
     """Return the events along a curve of special points of a harmonic balance, besides cusps and branch points.
 
-    Parameters
-    ----------
-    curve : MinimallyAugmentedProblem
-        Equations of the special points.
-
-    Returns
-    -------
-    tuple of Event
-        The events; none for other curves, laws whose slopes are unknown, and structures without modes.
+    There are none for other curves, laws whose slopes are unknown, and structures without modes.
     """
     balance: Any = curve.problem
     evaluator = balance.compiled({})

@@ -299,14 +299,9 @@ def _slope_samples(evaluator: Evaluator, j: int, row: Array) -> Array:
 
 
 def _extrema(slope: Array, gap: Callable[..., Array]) -> Array:
-    """Return the phases of the extrema of a gap, by one Newton step from the changes of sign of its sampled slope.
+    """Return the phases of the extrema of a gap, by one Newton step from the changes of sign of its sampled slope (N,).
 
-    Parameters
-    ----------
-    slope : ndarray, shape (N,)
-        Its slope at N equal steps of the period.
-    gap : callable
-        ``gap(theta, order)`` returns derivatives at phases theta.
+    ``gap(theta, order)`` returns derivatives at phases theta.
     """
     after = np.roll(slope, -1)
     changes = np.flatnonzero((slope < 0) != (after < 0))

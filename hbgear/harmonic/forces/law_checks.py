@@ -92,19 +92,9 @@ def check_laws(system: System) -> None:
 
 
 def check_vector_law(law: VectorLaw, length: float) -> None:
-    """Raise an error for a vector law that returns wrong shapes, or whose derivatives differ from differences.
+    """Raise ValueError for a vector law with wrong shapes or numbers, or derivatives that differ from differences.
 
-    Parameters
-    ----------
-    law : VectorLaw
-        Law to be checked.
-    length : float
-        Size of the displacements at which it is evaluated.
-
-    Raises
-    ------
-    ValueError
-        If the law does not return arrays of the required shapes, a number is not finite, or a derivative is wrong.
+    It is evaluated at displacements of the size ``length``.
 
     Examples
     --------
@@ -213,21 +203,9 @@ _NEGLIGIBLE_SLOPE_RATIO = 1e-10
 
 
 def check_law(law: Law, length: float, rate: float) -> None:
-    """Raise an error for a law whose derivatives differ from differences of its force.
+    """Raise ValueError for a law without three finite arrays, or with derivatives that differ from differences.
 
-    Parameters
-    ----------
-    law : Law
-        Law to be checked.
-    length : float
-        Size of the displacements at which it is evaluated.
-    rate : float
-        Ratio of velocity to displacement [1 / time].
-
-    Raises
-    ------
-    ValueError
-        If the law does not return three finite arrays, or a derivative is wrong.
+    It is evaluated at displacements of the size ``length`` and velocities of ``rate`` times this size.
 
     Examples
     --------

@@ -154,32 +154,12 @@ def correct(
 def solve_in_plane(
     equations: Callable[[Array], EquationsAt], guess: CurveState, start: Array, normals: Array, scale: Array
 ) -> tuple[Array, Linearisation, Array, int]:
-    """Solve F(u, p) = 0, normals (z - start) = 0 for the unknowns z = (u, p) with one or more parameters p.
+    """Solve F(u, p) = 0, normals (z - start) = 0 for the unknowns z = (u, p) with one or more parameters p (k,).
 
-    F_p is computed by forward differences, again where the state has moved.
-
-    Parameters
-    ----------
-    equations : callable
-        Equations at values p (k,).
-    guess : CurveState
-        State with the pattern of the solution.
-    start : ndarray, shape (n + k,)
-        First approximation, a point of the plane.
-    normals : ndarray, shape (k, n + k)
-        Normals of the plane in scaled unknowns.
-    scale : ndarray, shape (n + k,)
-        Scales of z.
-
-    Returns
-    -------
-    (ndarray, Linearisation, ndarray, int)
-        The solution z, the linearised equations and [F_u F_p] there, and the number of iterations.
-
-    Raises
-    ------
-    NoConvergence
-        If Newton's method does not converge.
+    ``start`` (n + k,) is a point of the plane, and ``normals`` (k, n + k) are its normals in unknowns with the
+    ``scale`` (n + k,). ``guess`` has the pattern of the solution. F_p is computed by forward differences, again where
+    the state has moved. The result is z, the linearised equations and [F_u F_p] there, and the number of iterations;
+    NoConvergence is raised if Newton's method does not converge.
     """
     z, last_size, distance, k = start, math.inf, math.inf, len(normals)
     bordered = np.zeros((len(start), len(start)))

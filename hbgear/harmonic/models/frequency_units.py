@@ -90,24 +90,8 @@ def same_scales(scale_sets: Sequence[dict[str, float]]) -> dict[str, float]:
 def Omega_of(model: Model, setting: str, text: str) -> float:
     """Return a frequency as Omega: a number is Omega, r/min is the speed of the pinion, Hz is the mesh frequency.
 
-    Parameters
-    ----------
-    model : Model
-        Model with scales for values with units.
-    setting : str
-        Name of the option or setting, for messages.
-    text : str
-        Number or quantity.
-
-    Returns
-    -------
-    float
-        Omega.
-
-    Raises
-    ------
-    ValueError
-        If the text is no finite number or frequency, or the model has no scales.
+    ``setting`` is the name of the option, for messages. ValueError is raised if the text is no finite number or
+    frequency, or the model has no scales.
 
     Examples
     --------

@@ -80,22 +80,8 @@ _PART_CLASSES: dict[str, type] = {
 def model_class(name: str) -> type[Model]:
     """Return the class of a model: built-in, from an installed package, FILE.py:NAME or MODULE:NAME.
 
-    Code of packages, files and modules is executed, see `hbgear.mechanics.model_lookup`.
-
-    Parameters
-    ----------
-    name : str
-        Name of the model.
-
-    Returns
-    -------
-    type
-        Subclass of `Model`.
-
-    Raises
-    ------
-    KeyError, ValueError
-        If there is no model of this name, or its code cannot be loaded.
+    Code of packages, files and modules is executed, see `hbgear.mechanics.model_lookup`. KeyError or ValueError is
+    raised if there is no model of this name, or its code cannot be loaded.
 
     Examples
     --------
@@ -121,24 +107,8 @@ def model_class(name: str) -> type[Model]:
 def build(name: str, /, **fields: Any) -> Model:
     """Return a model by its name, see `model_class`, with defaults for all fields that are not given.
 
-    Parameters
-    ----------
-    name : str
-        Name of the model.
-    **fields : Any
-        Values of its fields.
-
-    Returns
-    -------
-    Model
-        The model.
-
-    Raises
-    ------
-    KeyError
-        If there is no model of this name, or it has no field of a given name.
-    ValueError
-        If a value is out of its range, or a field without default is missing.
+    KeyError is raised if there is no model of this name, or it has no field of a given name; ValueError if a value is
+    out of its range, or a field without default is missing.
     """
     return made(model_class(name), fields)
 
@@ -146,27 +116,10 @@ def build(name: str, /, **fields: Any) -> Model:
 def rebuild_model(meta: Any, cls: type[Model] | None = None) -> Model:
     """Return the model from its description by `hbgear.mechanics.models.describe`; lists become tuples.
 
-    No code is loaded. A class that is not part of hbgear must be given.
-
-    Parameters
-    ----------
-    meta : dict
-        Description of the model, from the header of a file.
-    cls : type, optional
-        Class of the model, by default the class of hbgear with the name in ``meta``.
-
-    Returns
-    -------
-    Model
-        The model.
-
-    Raises
-    ------
-    KeyError
-        If the class is not part of hbgear and not given, or does not have a field of the description.
-    ValueError
-        If ``meta`` does not have the form of `describe`, names another class than ``cls``, or a value has another type,
-        is out of its range, or is missing, like functions and laws of a user.
+    No code is loaded: a class that is not part of hbgear must be given. KeyError is raised if it is not given, or does
+    not have a field of the description; ValueError if ``meta`` does not have the form of `describe`, names another
+    class than ``cls``, or a value has another type, is out of its range, or is missing, like functions and laws of a
+    user.
     """
     if not is_description(meta):
         raise ValueError(f"a model is described by {{'class': name, 'fields': {{...}}}}, got {str(meta)[:80]}")

@@ -89,10 +89,7 @@ class SampledSlopes:
 
             dp = f_dd phi + f_dv chi,   dq = f_vd phi + f_vv chi,   mean(dp delta d + dq delta v)
 
-        Parameters
-        ----------
-        phi, chi : ndarray, shape (L, N)
-            Samples of the weights of the slopes in d and v, which are kept fixed.
+        phi and chi (L, N) are samples of the weights of the slopes in d and v, which are kept fixed.
         """
         size = max(float(np.abs(phi).max(initial=0.0)), float(np.abs(chi).max(initial=0.0))) or 1.0
         h = _STEP * max(float(np.abs(self._d).max(initial=0.0)), 1e-3) / size

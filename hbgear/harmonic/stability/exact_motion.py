@@ -21,31 +21,12 @@ from hbgear.mechanics.models import System
 
 
 def refine_motion(problem: Any, X: Array, parameters: Mapping[str, float], free: bool = False) -> ExactMotion:
-    """Compute the exact motion near a solution of harmonic balance.
+    """Compute the exact motion near a solution X (n,) of harmonic balance.
 
-    Parameters
-    ----------
-    problem : HarmonicBalance
-        The problem of the solution.
-    X : array_like, shape (n,)
-        Unknowns of the solution.
-    parameters : dict of str to float
-        Omega, and the parameters of the model that differ from its own.
-    free : bool, optional
-        Whether Omega may change: close to a fold that truncation has displaced there is no exact motion at the same
-        Omega. False by default.
-
-    Returns
-    -------
-    ExactMotion
-        Contact instants, states and multipliers without truncation error.
-
-    Raises
-    ------
-    NotPiecewiseLinear
-        If a law of the model is not piecewise linear, or the structure is too large.
-    NoConvergence
-        If Newton's method does not converge.
+    The parameters are Omega, and those that differ from the model. With ``free``, Omega may change: close to a fold
+    that truncation has displaced there is no exact motion at the same Omega. NotPiecewiseLinear is raised if a law of
+    the model is not piecewise linear, or the structure is too large, NoConvergence if Newton's method does not
+    converge.
 
     Examples
     --------

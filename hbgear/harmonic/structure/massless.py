@@ -48,26 +48,10 @@ class StateEquations:
 
 
 def state_equations(system: System, M: Array, C: Array, K: Array, B: Array, T: Array) -> StateEquations:
-    """Return the equations of the states that remain without the static coordinates.
+    """Return the equations of the states that remain without the static coordinates, in the bases B and T (n, p).
 
-    Parameters
-    ----------
-    system : System
-        System, for the names in messages and the directions of the elements.
-    M, C, K : ndarray, shape (n, n)
-        Matrices with the dampers of the elements.
-    B, T : ndarray, shape (n, p)
-        Bases of the motions and of the equations.
-
-    Returns
-    -------
-    StateEquations
-        Equations in the bases B and T.
-
-    Raises
-    ------
-    ValueError
-        If coordinates without mass cannot be eliminated.
+    M, C, K (n, n) contain the dampers of the elements; the system gives names in messages and directions of elements.
+    ValueError is raised if coordinates without mass cannot be eliminated.
     """
     (R, N), (R_left, N_left) = _split(T.T @ M @ B, T.T @ M @ B)
     (P, Q), (P_left, Q_left) = _split(N_left.T @ (T.T @ C @ B) @ N, T.T @ C @ B)

@@ -83,24 +83,10 @@ def decoded(content: bytes, name: str) -> str:
 
 
 def table_text(text: str, name: str) -> TableText:
-    r"""Return the headers and cells of a table.
+    r"""Return the headers and cells of the text of a table; ``name`` is that of its file, for errors.
 
-    Parameters
-    ----------
-    text : str
-        Text of the whole table.
-    name : str
-        Name of its file, for errors.
-
-    Returns
-    -------
-    TableText
-        Headers and rows.
-
-    Raises
-    ------
-    ValueError
-        If there are no rows, their numbers of cells differ, or a cell is too long; the message states the line.
+    ValueError is raised if there are no rows, their numbers of cells differ, or a cell is too long; the message states
+    the line.
 
     Examples
     --------

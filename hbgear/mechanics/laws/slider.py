@@ -192,24 +192,11 @@ def first_loading(slider: Slider, d: Array, limit: float) -> tuple[Array, Array]
 
 
 def steady_force(slider: Slider, d: Array, limit: Array) -> Array:
-    """Return the force of a slider over a period of its displacement, after the position has become periodic.
+    """Return the force (N,) of a slider over a period of its displacement, after the position has become periodic.
 
-    The position of a step is z -> min(max(z, lower), upper). Steps one after the other have the same form, so that the
-    bounds of 1, 2, 4, ... steps follow from each other.
-
-    Parameters
-    ----------
-    slider : Slider
-        Slider of a law.
-    d : ndarray, shape (N,)
-        Displacements at equidistant phases of a period [length].
-    limit : ndarray, shape (N,)
-        Friction limits there [force].
-
-    Returns
-    -------
-    ndarray, shape (N,)
-        Force.
+    The displacement d [length] and the friction ``limit`` [force] are given at N equidistant phases. The position of a
+    step is z -> min(max(z, lower), upper). Steps one after the other have the same form, so that the bounds of 1, 2, 4,
+    ... steps follow from each other.
     """
     lower, upper = (np.tile(d + side * limit / slider.k, 2) for side in (-1, 1))
     steps = 1

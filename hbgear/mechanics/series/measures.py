@@ -294,26 +294,10 @@ def axis_text(name: str, motion: str) -> str:
 
 
 def measure(name: str, X: Array, nu: int = 1) -> Array:
-    """Return a measure of motions.
+    """Return a measure of motions X (..., 2H + 1) over nu periods of the excitation, for each motion.
 
-    Parameters
-    ----------
-    name : str
-        Name of the measure: "rms", "pp2", "max", "mean", "H1", "H2", ...; with nu = 2 also "H1/2", "H3/2", ...
-    X : array_like, shape (..., 2H + 1)
-        Real coefficients over nu periods of the excitation.
-    nu : int, optional
-        Subharmonic order. The default is 1.
-
-    Returns
-    -------
-    ndarray, shape (...)
-        Value for each motion.
-
-    Raises
-    ------
-    ValueError
-        If there is no measure of that name, or no such harmonic among the H of the motions.
+    The name is "rms", "pp2", "max", "mean", "H1", "H2", ...; with nu = 2 also "H1/2", "H3/2", ... ValueError is raised
+    if there is no measure of that name, or no such harmonic among the H of the motions.
     """
     X = np.asarray(X, dtype=float)
     return function_of(name, harmonics_of(X), nu)(X)

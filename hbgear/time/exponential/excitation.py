@@ -93,16 +93,7 @@ class Excitation:
         return -(-minimum // multiple) * multiple
 
     def step_ends(self, N: int, index: Integers, Omega: Array) -> tuple[Integers, Array, Array]:
-        """Return the positions in N cells of a period at which steps end, for rows of systems ``index`` at Omega (R,).
-
-        Parameters
-        ----------
-        N : int
-            Number of cells of a period.
-        index : ndarray, shape (R,)
-            System of each row.
-        Omega : ndarray, shape (R,)
-            Excitation frequencies.
+        """Return the positions in N cells of a period at which steps end, for systems ``index`` (R,) at Omega (R,).
 
         Returns
         -------

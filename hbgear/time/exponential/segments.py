@@ -98,25 +98,10 @@ def first_exit(
 ) -> tuple[Array, Integers]:
     """Return where rows first leave (low, high), and through which end.
 
-    The extrema between samples are evaluated in addition, so that short excursions beyond a breakpoint are detected.
-
-    Parameters
-    ----------
-    x : ndarray, shape (K,)
-        Abscissae of the samples.
-    d, v : ndarray, shape (S, K)
-        Values and slopes.
-    low, high : ndarray, shape (S,)
-        Ends of the segments.
-    value : callable
-        ``value(rows, x)`` returns the values of these rows, each at its own x.
-
-    Returns
-    -------
-    x : ndarray, shape (S,)
-        Exits; inf where a row stays inside.
-    side : ndarray, shape (S,)
-        End of the segment: -1 for low, +1 for high, 0 without exit.
+    d and v (S, K) are values and slopes at the samples x (K,). ``value(rows, x)`` returns the values of rows, each at
+    its own x. The extrema between samples are evaluated in addition, so that short excursions beyond a breakpoint are
+    detected. The exits (S,) are inf where a row stays inside; the ends (S,) are -1 for low, +1 for high, 0 without
+    exit.
     """
     exits, side = np.full(len(d), np.inf), np.zeros(len(d), dtype=int)
     tolerance = BREAKPOINT_TOLERANCE * (1 + np.abs(d).max(axis=1))

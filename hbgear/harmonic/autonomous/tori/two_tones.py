@@ -296,15 +296,7 @@ class TwoToneProblem(TorusProblem):
 
 
 def require_no_common_base(ratio: float, harmonics: tuple[int, int]) -> None:
-    """Raise ValueError if two frequencies have a common base within the harmonics.
-
-    Parameters
-    ----------
-    ratio : float
-        Omega_2 / Omega.
-    harmonics : (int, int)
-        Highest harmonics of both frequencies.
-    """
+    """Raise ValueError if two frequencies of the ratio Omega_2 / Omega have a common base within the harmonics."""
     for q in range(1, 2 * harmonics[1] + 1):
         p = round(ratio * q)
         if 0 < p <= 2 * harmonics[0] and abs(ratio * q - p) < COMMON_BASE_TOLERANCE and math.gcd(p, q) == 1:
