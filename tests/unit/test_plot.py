@@ -848,7 +848,7 @@ def test_labels_are_legible_on_curves():
 
 
 def test_small_amplitudes_have_a_power_of_ten_at_the_axis():
-    """Labels such as 0.00002 have too many digits. Labels are plain text, which takes a quarter less time than mathtext."""
+    """Labels such as 0.00002 have too many digits. They are plain text, which is set faster than mathtext."""
     ax = hb.plot.response(hb.trace(hb.HarmonicBalance(hb.Duffing(F=1e-6), 1), "Omega", (0.9, 1.1)))
     ax.figure.canvas.draw()
     assert "10^{" in ax.yaxis.get_offset_text().get_text()
