@@ -228,3 +228,26 @@ def test_with_sliders_the_followed_point_is_that_of_a_curve_traced_again(damper)
     assert abs(Omega[-1] - Omega[0]) > 1e-5
     slope = hb.analysis.sensitivity(first["NS1"]).of("Omega")["limit"]
     assert (Omega[1] - Omega[0]) / (along.values[1] - along.values[0]) == pytest.approx(slope, rel=1e-2)
+
+
+@pytest.mark.slow
+def test_a_pair_that_turns_by_a_quarter_stays_the_same_pair():
+    """Its multiplier moves further than the distance of the two pairs; the curve ended where the other was nearer."""
+
+    @hb.mechanics.model
+    def rub(load: float = 0.3) -> hb.System:
+        seal = hb.mechanics.VectorElement(np.eye(2), hb.mechanics.RadialClearance(4.0, 1.0, friction=0.1))
+        unbalance = hb.Load([0.0, -0.3], cosine={1: [load, 0.0]}, sine={1: [0.0, load]}, power=2)
+        return hb.System(np.eye(2), 0.1 * np.eye(2), np.eye(2), list(seal), unbalance)
+
+    curve = hb.trace(hb.HarmonicBalance(rub(), 9), "Omega", (1.065, 1.08), accuracy=None, cover=False)
+    followed = hb.follow(curve, "NS1", "load", (0.3, 0.565), accuracy=None)
+    assert followed.status is hb.Status.REACHED_END
+    angles = []
+    for i in (0, len(followed) - 1):
+        Omega, load = followed.tracked["Omega"][i], followed.values[i]
+        state = state_of(curve.problem, followed.X[i], Omega=Omega, load=load)
+        growth, angle = nearest_to_the_circle(hb.time.shoot(rub(load=load), Omega, state).multipliers)
+        assert abs(growth) < 1e-4  # 1e-2 at a frequency that differs by 0.1 %
+        angles.append(angle)
+    assert angles[0] - angles[1] > 0.7

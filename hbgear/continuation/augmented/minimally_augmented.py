@@ -110,13 +110,15 @@ class MinimallyAugmentedProblem(SpecialPointProblem):
         X, unknown = self.solution_of(U)
         values = {**parameters, **unknown}
         inner = self.problem.with_borders_at(X, values, renew)
-        renewing = self.base is None or (renew and self.base.b is not None)
-        if inner is self.problem and not renewing:
-            return self
-        out = copy.copy(self)
+        out, base = copy.copy(self), self.base
         out._fixed(problem=inner)
-        if renewing:
-            out._fixed(base=out.base_at(X, values) if self.base is None else out.update_borders(self.base, X, values))
+        if base is None:
+            base = out.base_at(X, values)
+        elif renew:
+            base = out.update_borders(base, X, values)
+        if inner is self.problem and base is self.base:
+            return self
+        out._fixed(base=base)
         return out
 
     def update_borders(self, base: Borders, X: Array, parameters: dict[str, float]) -> Borders:
