@@ -211,7 +211,8 @@ class Explorer:
         return (
             f"import hbgear as hb\n\n{self.subject.python(request.values)}\n"
             f"curve = hb.trace(hb.HarmonicBalance(model, {request.harmonics}), 'Omega', {request.span!r})\n"
-            "for jump in curve.jumps():\n    print(jump.label, jump.value, jump.direction)\n"
+            "for each in curve.curves:\n    for jump in each.jumps():\n"
+            "        print(jump.label, jump.value, jump.direction)\n"
         )
 
     def jump_map(self, session: str, request: Request, axes: Any) -> dict[str, Any]:

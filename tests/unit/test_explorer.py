@@ -209,6 +209,18 @@ def test_curve_is_the_traced_one():
     assert details["tables"][0]["jumpTable"][1][0][0] == "LP1" and "zeta=0.06" in details["python"]
 
 
+def test_python_text_prints_the_jumps_of_all_curves_of_the_page(capsys):
+    """A pair whose first curve grows without bound: most jumps are on the curve of the rest of the span."""
+    values = {"torque": 200.0, "damping": 0.04, "backlash": 80.0}
+    found = Explorer(EditableMachine(machine()), (1.5, 0.55), 8)
+    asked = Request(values, (1.5, 0.55), 8)
+    found.curve("s", asked)
+    details = found.details("s", asked)
+    exec(details["python"], {})
+    printed = [line.split()[0] for line in capsys.readouterr().out.splitlines()]
+    assert printed == [row[0] for table in details["tables"] for row in table["jumpTable"][1]] and len(printed) == 3
+
+
 def test_superseded_computations_are_cancelled():
     found, ended = explorer(harmonics=32), []
 
@@ -702,18 +714,24 @@ def test_the_vertical_axis_fits_each_curve_after_an_unbounded_one(driver):
             "return [d._fullLayout.yaxis.range[1], Math.max(...all), hbgear.state.curves[0].asymptotes.length]"
         )
 
+    def legend():
+        names = "document.getElementById('response').data.filter((t) => t.showlegend !== false).map((t) => t.name)"
+        return driver.execute_script(f"return {names}")
+
     resized(driver, 1400, 1100)
     with served(explorer(hb.SpurPair(zeta=0.02, eps=(0.1, 0.15), e=(0.03, 0.01), F_m=0.2), harmonics=16)) as server:
         opened(driver, server.address)
         settled(driver)
         top, largest, asymptotes = top_and_largest()
         assert asymptotes == 1 and 0 < top < 0.3 * largest
+        assert legend().count("asymptote") == 1
         field = driver.find_element("id", "p-zeta")
         field.send_keys(Keys.CONTROL, "a")
         field.send_keys("0.2", Keys.ENTER)
         waited_for(driver, "hbgear.state.curves[0].asymptotes.length === 0")
         top, largest, _ = top_and_largest()
         assert largest < top < 1.2 * largest
+        assert "asymptote" not in legend()
         assert complaints(driver) == []
         driver.get("about:blank")  # close the page, which requests details after the curve
 

@@ -301,7 +301,7 @@ const hbgear = (() => {
       legend: narrow ? { orientation: "h", y: -0.22, x: 0 } : { x: 1.01, y: 1, xanchor: "left", tracegroupgap: 2 },
     });
     if (topOf()) layout.yaxis.range = [0, topOf()];
-    const shown = behind().filter((b) => b.y);
+    const shown = behind().filter((b) => b.y), asymptote = layout.shapes[0];
     layout.shapes.push(...shown.flatMap((b) => (b.jumps || []).map((x) => ({ type: "line", x0: x, x1: x, yref: "paper", y0: 0, y1: 1,
       line: { color: ink.text, width: 0.8, dash: "dot" } }))));
     const lines = shown.map((b) => ({ ...(b.sizes ? hbgearLines.smoothParts(b.x, b.y) : { x: b.x, y: b.y }), mode: b.mode, name: escaped(b.name), hoverinfo: "x+y+name",
@@ -309,7 +309,8 @@ const hbgear = (() => {
       opacity: b.mode === "lines" && !b.kind ? 0.5 : 1, showlegend: b.mode !== "lines" || b.legend === true,
       marker: { symbol: b.symbol || "circle-open", size: 6, color: ink.text } }));
     const data = [...lines, ...curveTraces(), ...specialTraces()];
-    if (first.jumps.length || state.curves.some((curve) => curve.jumps.length))
+    if (asymptote) data.push({ x: [null], y: [null], mode: "lines", name: "asymptote", hoverinfo: "skip", line: { ...asymptote.line } });
+    if (layout.annotations.length)
       data.push({ x: [null], y: [null], mode: "markers", name: "jump", hoverinfo: "skip",
                   marker: { symbol: "triangle-up", size: 9, color: ink.text } });
     if (state.at) data.push(chosenTrace());
