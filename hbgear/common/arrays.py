@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from numpy.typing import NDArray
+import numpy as np
 
-Array = NDArray[Any]  # of real numbers
+Array = np.ndarray[tuple[Any, ...], np.dtype[Any]]
+"""Array of real numbers: NDArray[Any], which is not a class of arrays at run time from NumPy 2.5 on."""
 
-
-ComplexArray = NDArray[Any]  # of complex numbers; type checkers do not distinguish the two names
+ComplexArray = Array
+"""Array of complex numbers; type checkers do not distinguish the two names."""
