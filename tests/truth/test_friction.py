@@ -11,6 +11,7 @@ from machines import chain
 import hbgear as hb
 from hbgear.analysis.summary import regime_of
 from hbgear.continuation.solvers.newton import solve
+from hbgear.harmonic.balance.resolution import distance_to_solution
 
 ONE = hb.mechanics.Jenkins(k=1.0, limit=0.1)
 FOUR = hb.mechanics.Iwan((0.25,) * 4, (0.02, 0.05, 0.1, 0.2))
@@ -272,3 +273,20 @@ def test_the_error_of_motions_with_several_stops_is_stated():
         x = motion_with_stops(curve.values[i], 0.45, 0.4, 200.0)
         error = np.sqrt(np.mean((curve[i].samples(0, 1024)[1] - x) ** 2))
         assert error / 3 < curve.error[i] < 3 * error
+
+
+@pytest.mark.slow
+def test_the_error_next_to_sticking_is_not_the_distance_from_the_curve():
+    """Errors were 4 to 20 times too small where the first Newton step leads to another order of stops."""
+    law = hb.mechanics.Coulomb(0.47, 240.0)
+    system = hb.System([[1.0]], [[0.1]], [[1.0]], [hb.Element([1.0], law, name="x")], hb.Load(cosine={1: [0.5]}))
+    problem, finer = hb.HarmonicBalance(system, 16), hb.HarmonicBalance(system, 32)
+    curve = hb.trace(problem, "Omega", (0.5, 1.4), special=False, stability=False, accuracy=None)
+    weight = np.sqrt(np.append(1.0, np.full(64, 0.5)))
+    for Omega in (0.585, 1.03, 1.05, 1.33):
+        i = int(np.argmin(np.abs(curve.values - Omega)))
+        parameters = curve.parameters_at(i)
+        estimate = distance_to_solution(finer, finer.resized(curve.X[i]), weight, parameters)
+        x = motion_with_stops(parameters["Omega"], 0.5, 0.47, 240.0)
+        error = np.sqrt(np.mean((curve[i].samples(0, 1024)[1] - x) ** 2))
+        assert error / 1.5 < estimate < 1.5 * error

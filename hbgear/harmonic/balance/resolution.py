@@ -37,7 +37,7 @@ CHECK_INTERVAL = 4
 """Points per check of the error of resolution, which costs as much as several evaluations of the balance."""
 
 PROJECTED_CHECK_INTERVAL = 8
-"""Points per check of laws that are projected exactly, whose evaluations cost less than the check."""
+"""Points per check of contacts that are projected exactly, whose evaluations cost less than the check."""
 
 MIN_CHECKED_ERROR = 1e-9
 """Truncation error, relative to the motion, up to which it is not checked."""
@@ -109,13 +109,13 @@ def add_resolution_error(
         return
     parameter_sets = [{**parameters, name: value} for value in values.tolist()]
     evaluator, truncation = problem.compiled(parameter_sets[0]), np.array([entry["error"] for entry in observed])
-    if evaluator.aft_laws or evaluator.damped:
-        checked, interval, unit = np.arange(len(X)), CHECK_INTERVAL, np.ones(len(X))
-    elif len(evaluator.breakpoints) or evaluator.sliders:
-        checked = np.flatnonzero(truncation > MIN_CHECKED_ERROR * np.linalg.norm(X, axis=1))
-        interval, unit = PROJECTED_CHECK_INTERVAL, np.ones(len(X)) if evaluator.sliders else truncation
-    else:
+    if not (evaluator.aft_laws or evaluator.damped or evaluator.sliders or len(evaluator.breakpoints)):
         return
+    checked, interval, unit = np.arange(len(X)), CHECK_INTERVAL, np.ones(len(X))
+    if not (evaluator.aft_laws or evaluator.damped):
+        checked = np.flatnonzero(truncation > MIN_CHECKED_ERROR * np.linalg.norm(X, axis=1))
+        if not evaluator.sliders:
+            interval, unit = PROJECTED_CHECK_INTERVAL, truncation
     subset = every(interval, checked)
     ratios = [max(_resolution_error(problem, X[i], parameter_sets[i]), truncation[i]) / unit[i] for i in subset]
     for i in checked.tolist() if ratios else ():
@@ -160,10 +160,9 @@ def distance_to_solution(problem: Any, start: Array, weight: Array, parameters: 
     """Return the distance of unknowns (n,), with weights (n,), from a solution of a problem; nan if it is unknown.
 
     It is the Newton step at the same Omega if a second step with the same Jacobian is shorter (Deuflhard's natural
-    monotonicity test). Next to a fold it is not, because the other motion is far away or does not exist. Then Omega is
-    free, and the distance from the curve is returned; a change of Omega, relative to Omega, weighs as much as that of
-    the motion relative to its size. If a free Omega changes the step little, there is no fold: the law is so steep that
-    one step is inaccurate, and Newton's method is completed.
+    monotonicity test). Otherwise Newton's method is completed. Next to a fold the other motion is far away or does not
+    exist. Then Omega is free, and the distance from the curve is returned; a change of Omega, relative to Omega, weighs
+    as much as that of the motion relative to its size.
     """
     R, J, slope, _ = problem.linearise(start, "Omega", **parameters)
     try:
@@ -177,17 +176,11 @@ def distance_to_solution(problem: Any, start: Array, weight: Array, parameters: 
     weighted_step = weight * step
     if norm(weight * second) <= norm(weighted_step):
         return norm(weighted_step)
+    with suppress(*SOLVER_ERRORS):
+        return norm(weight * (solve(problem, start, parameters).X - start))
     direction, size = weight * tangent, norm(weight * start)
     change = -(weighted_step @ direction) / (direction @ direction + (size / parameters["Omega"]) ** 2)
-    distance = norm(weighted_step + change * direction)
-    if distance > STEP_WITHOUT_FOLD * norm(weighted_step):
-        with suppress(*SOLVER_ERRORS):
-            return norm(weight * (solve(problem, start, parameters).X - start))
-    return distance
-
-
-STEP_WITHOUT_FOLD = 0.2
-"""Distance from a curve over the Newton step at the same Omega, above which the point is not next to a fold."""
+    return norm(weighted_step + change * direction)
 
 
 def largest_amplitudes(problem: Any, curve: Branch) -> Array:
