@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-from hbgear.design.studies.study_file import StudyFileError, read_study
+from hbgear.design.studies.study_file import read_study
+from hbgear.io.machines.toml_file import TomlFileError
 from hbgear.web.editable_model import EditableInstance
 from hbgear.web.explorer import Explorer, Request
 
@@ -69,7 +70,7 @@ def test_studies_vary_entries(tmp_path):
     path.write_text(f'{head}[sample]\ncount = 2\n[sample.parameters]\n"e[1]" = ["uniform", 0.01, 0.02]\n{tail}')
     assert read_study(path).vary.names == ("e[1]",)
     path.write_text(f'{head}[grid]\n"e[2]" = [0.1]\n{tail}')
-    with pytest.raises(StudyFileError, match=r"line 6: unknown key 'grid.e\[2\]'; did you mean 'e\[[01]\]'"):
+    with pytest.raises(TomlFileError, match=r"line 6: unknown key 'grid.e\[2\]'; did you mean 'e\[[01]\]'"):
         read_study(path)
 
 

@@ -10,7 +10,8 @@ import pytest
 
 import hbgear as hb
 from hbgear.cli.machine_report import gear_tables
-from hbgear.io.machines.machine_file import Machine, MachineFileError, read_machine, write_machine
+from hbgear.io.machines.machine_file import Machine, read_machine, write_machine
+from hbgear.io.machines.toml_file import TomlFileError
 
 TEXT = """torque = "200 N m"
 damping = 0.04
@@ -86,12 +87,12 @@ def test_tables_of_the_mesh_are_files_in_its_folder(file, tmp_path):
     found = read_machine(tmp_path / "loaded.toml").cycle.error(phase)
     np.testing.assert_allclose(found, cycle.error(phase), rtol=0, atol=1e-12)
     (tmp_path / "loaded.toml").write_text(under_load + 'error = "e.csv"\n')
-    with pytest.raises(MachineFileError, match="error and static_error are both given"):
+    with pytest.raises(TomlFileError, match="error and static_error are both given"):
         read_machine(tmp_path / "loaded.toml")
     with pytest.raises(ValueError, match=r"\[mesh\]"):
         write_machine(read_machine(file), tmp_path / "n.toml")
     (tmp_path / "mesh.csv").write_text("phase [cycle], k [N/m]\n0, 1e8\n0.5, -2e8\n1, 1e8\n")
-    with pytest.raises(MachineFileError, match=r"line 15: the mesh stiffness is .* must be positive"):
+    with pytest.raises(TomlFileError, match=r"line 15: the mesh stiffness is .* must be positive"):
         read_machine(file)
 
 
@@ -129,13 +130,13 @@ def test_tables_of_the_mesh_are_files_in_its_folder(file, tmp_path):
 )
 def test_errors_have_their_line(file, old, new, said):
     file.write_text(TEXT.replace(old, new, 1))
-    with pytest.raises(MachineFileError, match=said):
+    with pytest.raises(TomlFileError, match=said):
         read_machine(file)
 
 
 def test_all_errors_at_once(file):
     file.write_text(TEXT.replace('"3 mm"', '"3"').replace('"20 mm"', '"20 kg"').replace('"200 N m"', '"200"'))
-    with pytest.raises(MachineFileError) as refused:
+    with pytest.raises(TomlFileError) as refused:
         read_machine(file)
     assert [text.partition(": ")[0][-6:] for text in refused.value.problems] == ["line 1", "line 6", "line 7"]
 

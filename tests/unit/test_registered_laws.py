@@ -12,7 +12,8 @@ from pages import TEXTS, blocks
 
 import hbgear as hb
 from hbgear.harmonic.models import model_registry
-from hbgear.io.machines.structure_file import StructureFileError, read_structure
+from hbgear.io.machines.structure_file import read_structure
+from hbgear.io.machines.toml_file import TomlFileError
 from hbgear.mechanics.laws import registry
 from hbgear.mechanics.laws.mesh_contacts import MeshContacts, ToothContact
 from hbgear.mechanics.models import describe, differing_fields
@@ -143,7 +144,7 @@ def test_a_registered_law_passes_through_everything(name, tmp_path, curve_of):
     assert curve.status.complete
     check_results(curve)
     if registry.LAWS[name].no_toml:
-        with pytest.raises(StructureFileError, match=f"'{name}' cannot be given in TOML: {keys}"):
+        with pytest.raises(TomlFileError, match=f"'{name}' cannot be given in TOML: {keys}"):
             read_structure(write_machine(tmp_path, name, ""))
     else:
         assert_same_machine(read_structure(write_machine(tmp_path, name, keys)), system(law))

@@ -9,7 +9,8 @@ import hbgear as hb
 from hbgear.cli.app import app
 from hbgear.harmonic.models.model_registry import rebuild_model
 from hbgear.io.machines.model_file import kind_of_file
-from hbgear.io.machines.structure_file import StructureFileError, read_structure
+from hbgear.io.machines.structure_file import read_structure
+from hbgear.io.machines.toml_file import TomlFileError
 from hbgear.mechanics.models import describe
 
 M, K = np.diag([2.0, 5.0]), np.array([[200.0, -100.0], [-100.0, 400.0]])
@@ -153,7 +154,7 @@ def test_models_lists_the_parameters_of_a_file(folder):
 def test_bad_files(text, old, new, said, folder):
     assert old in text
     (folder / "bad.toml").write_text(text.replace(old, new, 1))
-    with pytest.raises(StructureFileError, match=said):
+    with pytest.raises(TomlFileError, match=said):
         read_structure("bad.toml")
 
 
@@ -202,7 +203,7 @@ def test_matrices_in_the_file_with_a_damping_ratio(tmp_path):
     np.testing.assert_allclose(system.C, hb.mechanics.modal_damping(M, K, [0.02, 0.05]), rtol=1e-14)
     np.savez(tmp_path / "all.npz", K=K)
     file.write_text(head.replace("[matrices]", '[matrices]\nfile = "all.npz"') + ELEMENTS)
-    with pytest.raises(StructureFileError, match="M is a matrix and file names a file with all matrices"):
+    with pytest.raises(TomlFileError, match="M is a matrix and file names a file with all matrices"):
         read_structure(file)
 
 
@@ -210,7 +211,7 @@ def test_matrices_without_their_table_are_a_structure(tmp_path):
     file = tmp_path / "flat.toml"
     file.write_text(f"M = {M.tolist()}\nK = {K.tolist()}\n" + ELEMENTS)
     assert kind_of_file(file) == "structure"
-    with pytest.raises(StructureFileError, match=r"unknown key 'M'; it has: matrices, receptances, element, load"):
+    with pytest.raises(TomlFileError, match=r"unknown key 'M'; it has: matrices, receptances, element, load"):
         read_structure(file)
 
 
@@ -224,5 +225,5 @@ def test_unknown_laws_are_named(tmp_path, law, words):
     file = tmp_path / "law.toml"
     text = ELEMENTS.replace('"unilateral"', f'"{law}"')
     file.write_text(f"[matrices]\nM = {M.tolist()}\nK = {K.tolist()}\n" + 'names = ["shaft", "case"]\n' + text)
-    with pytest.raises(StructureFileError, match=words):
+    with pytest.raises(TomlFileError, match=words):
         read_structure(file)

@@ -10,9 +10,9 @@ import scipy.io
 import hbgear as hb
 from hbgear.cli.app import main
 from hbgear.cli.commands.pages import explored
-from hbgear.design.studies.study_file import StudyFileError, read_study
+from hbgear.design.studies.study_file import read_study
 from hbgear.io.machines.model_file import read_model
-from hbgear.io.machines.toml_file import line_of, lines_of
+from hbgear.io.machines.toml_file import TomlFileError, line_of, lines_of
 
 GOOD = """model = "double-helical"
 [base]
@@ -45,7 +45,7 @@ harmonicz = 3
 def test_a_pipe_or_a_device_is_no_study(tmp_path):
     os.mkfifo(tmp_path / "pipe.toml")
     for path in (tmp_path / "pipe.toml", "/dev/zero"):
-        with pytest.raises(StudyFileError, match="it is a pipe, a device or a socket; need a regular file"):
+        with pytest.raises(TomlFileError, match="it is a pipe, a device or a socket; need a regular file"):
             read_study(path)
 
 
@@ -143,7 +143,7 @@ def test_spans_are_speeds_of_the_drawing(tmp_path):
         (tmp_path / "a.toml").write_text(
             text.format(model, span).replace("damping", "zeta" if model == "duffing" else "damping")
         )
-        with pytest.raises(StudyFileError) as error:
+        with pytest.raises(TomlFileError) as error:
             read_study(tmp_path / "a.toml")
         assert words in str(error.value), str(error.value)
 
@@ -152,7 +152,7 @@ def test_tuples_have_no_distribution(tmp_path):
     (tmp_path / "a.toml").write_text(
         'model = "spur-pair"\n[sample]\ncount = 2\n[sample.parameters]\neps = ["uniform", 0.01, 0.02]'
     )
-    with pytest.raises(StudyFileError, match="line 5: unknown key"):
+    with pytest.raises(TomlFileError, match="line 5: unknown key"):
         read_study(tmp_path / "a.toml")
 
 
@@ -164,17 +164,17 @@ def test_bad_values_of_a_drawing(tmp_path):
         ('[sample]\ncount = 2\n[sample.parameters]\nbacklash = ["uniform", "1 N", "2 N"]', "line 5: "),
     ):
         (tmp_path / "a.toml").write_text('model = "pair.toml"\n' + text)
-        with pytest.raises(StudyFileError) as error:
+        with pytest.raises(TomlFileError) as error:
             read_study(tmp_path / "a.toml")
         assert words in str(error.value)
     (tmp_path / "a.toml").write_text('model = "none.toml"\n[grid]\ntorque = [3]')
-    with pytest.raises(StudyFileError, match=r"line 1: .*none\.toml"):
+    with pytest.raises(TomlFileError, match=r"line 1: .*none\.toml"):
         read_study(tmp_path / "a.toml")
 
 
 def test_every_error_with_its_line(tmp_path):
     (tmp_path / "a.toml").write_text(BAD)
-    with pytest.raises(StudyFileError) as error:
+    with pytest.raises(TomlFileError) as error:
         read_study(tmp_path / "a.toml")
     lines = [int(text.partition("line ")[2].partition(":")[0]) for text in error.value.problems]
     assert lines == [4, 5, 7, 9, 10, 13, 14]
@@ -205,7 +205,7 @@ def test_every_error_with_its_line(tmp_path):
 )
 def test_bad_files(tmp_path, text, words):
     (tmp_path / "a.toml").write_text(text)
-    with pytest.raises(StudyFileError) as error:
+    with pytest.raises(TomlFileError) as error:
         read_study(tmp_path / "a.toml")
     assert words in str(error.value)
 
@@ -218,7 +218,7 @@ def test_files_that_are_no_text(tmp_path):
         ("folder.toml", "Is a directory"),
         ("none.toml", "No such file or directory"),
     ):
-        with pytest.raises(StudyFileError, match=words):
+        with pytest.raises(TomlFileError, match=words):
             read_study(tmp_path / name)
 
 
@@ -236,7 +236,7 @@ def test_lines_of_values_of_several_lines():
 @pytest.mark.parametrize("span", ["[nan, 1]", "[inf, 1]", "[0.5, -1]", "[0, 1]", "[1, 1]"])
 def test_a_span_that_cannot_be_meant(tmp_path, span):
     (tmp_path / "a.toml").write_text(GOOD + f"span = {span}\n")
-    with pytest.raises(StudyFileError, match=r"line (8|10): .*span"):
+    with pytest.raises(TomlFileError, match=r"line (8|10): .*span"):
         read_study(tmp_path / "a.toml")
 
 
@@ -276,7 +276,7 @@ def own_model(tmp_path, monkeypatch, modules_are_forgotten):
 
 
 def test_naming_a_file_runs_no_code(own_model, capsys):
-    with pytest.raises(StudyFileError, match=r"line 1: model = 'mine.py:stop' would run that code.*--allow-code"):
+    with pytest.raises(TomlFileError, match=r"line 1: model = 'mine.py:stop' would run that code.*--allow-code"):
         read_study("a.toml")
     for words in (["study", "a.toml"], ["explore", "a.toml", "--no-browser"]):
         with pytest.raises(SystemExit, match="2"):

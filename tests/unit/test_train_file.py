@@ -16,7 +16,8 @@ from hbgear.cli.app import app
 from hbgear.cli.machine_report.speed_ranges import contact_lost, jumps_possible, without_stable_motion
 from hbgear.cli.machine_report.speeds import factor_text, recommendation, resonances, show_speeds
 from hbgear.io.machines.model_file import kind_of_file
-from hbgear.io.machines.train_file import TrainFileError, read_train
+from hbgear.io.machines.toml_file import TomlFileError
+from hbgear.io.machines.train_file import read_train
 from hbgear.mechanics.models import describe
 from hbgear.mechanics.structures.scales import Scales
 
@@ -139,7 +140,7 @@ def test_a_mesh_of_a_pair_has_the_static_torque_of_the_train(file):
     file.write_text(SHARED)
     assert set(read_train(file).mesh_torques.values()) == {None}
     file.write_text(SHARED.replace('torque = "150 N m"\n', "", 1))
-    with pytest.raises(TrainFileError, match="a mesh of a pair needs the torque on the first wheel"):
+    with pytest.raises(TomlFileError, match="a mesh of a pair needs the torque on the first wheel"):
         read_train(file)
 
 
@@ -343,7 +344,7 @@ def test_a_file_with_a_carrier_is_an_epicyclic_set(file):
 )
 def test_a_wrong_epicyclic_set(file, old, new, words):
     file.write_text(EPICYCLIC.replace(old, new, 1))
-    with pytest.raises(TrainFileError, match=words) as found:
+    with pytest.raises(TomlFileError, match=words) as found:
         read_train(file)
     assert len(found.value.args[0]) >= 1
 
@@ -516,7 +517,7 @@ def test_bad_rotors(rotor, old, new, said):
     text = ROTOR.replace(old, new)
     assert text != ROTOR
     rotor.write_text(text)
-    with pytest.raises(TrainFileError, match=said):
+    with pytest.raises(TomlFileError, match=said):
         read_train(rotor)
 
 
@@ -554,7 +555,7 @@ def test_bad_files(file, old, new, said):
         with pytest.warns(hb.mechanics.ImplausibleInputWarning, match="negative"):
             hb.HarmonicBalance(read_train(file), 4)
         return
-    with pytest.raises(TrainFileError, match=said):
+    with pytest.raises(TomlFileError, match=said):
         read_train(file)
 
 
@@ -568,6 +569,6 @@ def test_figure_of_a_train(file):
 def test_an_error_is_one_line_for_any_names(tmp_path):
     text = TEXT.replace('first = "in"', 'first = "i\\nn"')
     (tmp_path / "a.toml").write_text(text)
-    with pytest.raises(TrainFileError) as error:
+    with pytest.raises(TomlFileError) as error:
         read_train(tmp_path / "a.toml")
     assert "\n" not in str(error.value) and "a mesh of a pair needs a wheel 'i n' with a gear" in str(error.value)

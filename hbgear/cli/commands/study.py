@@ -59,11 +59,12 @@ def study(
     """
     from hbgear.design.studies.case_results import Outcome
     from hbgear.design.studies.study import MANY, cases
-    from hbgear.design.studies.study_file import StudyFileError, read_study
+    from hbgear.design.studies.study_file import read_study
+    from hbgear.io.machines.toml_file import TomlFileError
 
     try:
         parsed = read_study(file, allow_code)
-    except StudyFileError as error:
+    except TomlFileError as error:
         for problem in error.problems:
             print_message("error", problem)
         raise typer.Exit(BAD_INPUT) from None

@@ -48,8 +48,9 @@ def parameter_derivatives(
     Examples
     --------
     >>> from hbgear.continuation.problem.base import ContinuationProblem
-    >>> parameter_derivatives(ContinuationProblem(), "p", {"p": 2.0}, lambda at: (round(at["p"] ** 2, 12),))
-    (4.0,)
+    >>> (slope,) = parameter_derivatives(ContinuationProblem(), "p", {"p": 2.0}, lambda at: (at["p"] ** 2,))
+    >>> round(slope, 6)
+    4.0
     """
     value = parameters[name]
     h = step * problem.unit_of(name, value)

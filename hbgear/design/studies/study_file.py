@@ -30,10 +30,6 @@ from hbgear.mechanics.fields import defaults_of, entries_among, made, plain_kind
 from hbgear.mechanics.models import Model
 
 
-class StudyFileError(TomlFileError):
-    """Errors of a study file, one text for each error."""
-
-
 @dataclass(frozen=True)
 class Study:
     """Content of a study file: name of the model or path of its file, model, cases and results to compute."""
@@ -47,17 +43,17 @@ class Study:
 def read_study(path: str | os.PathLike[str], allow_code: bool = False) -> Study:
     """Read and check a study file; with ``allow_code`` its model may be FILE.py:NAME or MODULE:NAME.
 
-    StudyFileError is raised if the file cannot be read, a key, type or value is not valid, or it names code that is not
+    TomlFileError is raised if the file cannot be read, a key, type or value is not valid, or it names code that is not
     allowed.
     """
-    text, data = parsed(path, "a study", StudyFileError)
+    text, data = parsed(path, "a study")
     problems, checked, subject = _checked(data, Path(path).parent, allow_code)
     if not problems:
         try:
             return _study(checked, subject)
         except _InconsistentTable as wrong:
             problems = [(wrong.key_path, str(wrong))]
-    raise StudyFileError(located(path, text, problems))
+    raise TomlFileError(located(path, text, problems))
 
 
 class _InconsistentTable(Exception):

@@ -42,7 +42,6 @@ from hbgear.gears.torque_orders import TorqueOrders, effective_torque, torque_or
 from hbgear.io.machines.toml_file import (
     KeyPath,
     Problems,
-    TomlFileError,
     bare,
     constructed,
     exactly,
@@ -54,10 +53,6 @@ from hbgear.io.tables.mesh_table import read_mesh_table
 _SHARED = ("module", "face_width", "pressure_angle", "addendum", "dedendum", "fillet_radius", "E", "poisson", "density")
 _TORQUE = QuantityField("N m")
 _TORQUE.__set_name__(object, "torque")
-
-
-class MachineFileError(TomlFileError):
-    """Error: the file of a machine is invalid; one text for each problem."""
 
 
 @dataclass(frozen=True)
@@ -132,7 +127,7 @@ def read_machine(path: str | os.PathLike[str]) -> Machine:
 
     Raises
     ------
-    MachineFileError
+    TomlFileError
         If the file cannot be read, a key, type, unit or value is wrong, or the gears cannot be made or do not mesh.
 
     Examples
@@ -152,7 +147,7 @@ def read_machine(path: str | os.PathLike[str]) -> Machine:
     >>> machine.torque, machine.pair.wheel.teeth
     (200.0, 40)
     """
-    machine: Machine = read_checked(path, "a machine", MachineFileError, _schema(), _machine)
+    machine: Machine = read_checked(path, "a machine", _schema(), _machine)
     return machine
 
 

@@ -20,7 +20,7 @@ def kind_of_file(path: str | os.PathLike[str]) -> Literal["study", "train", "str
     else is a machine, whose reader explains what is wrong.
     """
     try:
-        data = parsed(path, "a model", TomlFileError)[1]
+        data = parsed(path, "a model")[1]
     except TomlFileError:
         return "machine"
     if isinstance(data.get("model"), str):

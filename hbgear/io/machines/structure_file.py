@@ -35,7 +35,7 @@ import numpy as np
 from hbgear.common.arrays import Array
 from hbgear.common.process.signals import defer_signals
 from hbgear.common.text.messages import did_you_mean, quoted
-from hbgear.io.machines.toml_file import KeyPath, Problems, TomlFileError, exactly, read_checked
+from hbgear.io.machines.toml_file import KeyPath, Problems, exactly, read_checked
 from hbgear.io.matrices import NAMES, Matrices, from_matrices
 from hbgear.io.receptance_files import from_receptances
 from hbgear.mechanics.function_model import SystemOfLaws
@@ -45,10 +45,6 @@ from hbgear.mechanics.models import System
 from hbgear.mechanics.series.fourier import Series
 from hbgear.mechanics.structures.elements import Element, Load, VectorElement
 from hbgear.mechanics.structures.receptances import Receptances
-
-
-class StructureFileError(TomlFileError):
-    """Error: the file of a structure is invalid; one text for each problem."""
 
 
 def read_structure(path: str | os.PathLike[str]) -> System:
@@ -66,7 +62,7 @@ def read_structure(path: str | os.PathLike[str]) -> System:
 
     Raises
     ------
-    StructureFileError
+    TomlFileError
         If the file or a file that it names cannot be read, or a key, type or value is wrong.
 
     Examples
@@ -85,7 +81,7 @@ def read_structure(path: str | os.PathLike[str]) -> System:
     >>> system.n, len(system.elements)
     (2, 1)
     """
-    system: System = read_checked(path, "a structure", StructureFileError, _schema(), _system)
+    system: System = read_checked(path, "a structure", _schema(), _system)
     return system
 
 

@@ -31,15 +31,15 @@ class TomlFileError(ValueError):
         self.problems = tuple(problems)
 
 
-def parsed(path: str | os.PathLike[str], expected: str, error_class: type[TomlFileError]) -> tuple[str, dict[str, Any]]:
-    """Return the text of a file and its TOML content; an error of a class if it cannot be read.
+def parsed(path: str | os.PathLike[str], expected: str) -> tuple[str, dict[str, Any]]:
+    """Return the text of a file and its TOML content; TomlFileError if it cannot be read.
 
     ``expected`` is the expected content in the message, such as "a study".
     """
     try:
         text = text_of_file(path, expected)
     except ValueError as error:
-        raise error_class([str(error)]) from None
+        raise TomlFileError([str(error)]) from None
     try:
         data = tomllib.loads(text)
         if not too_deep(data):
@@ -52,7 +52,7 @@ def parsed(path: str | os.PathLike[str], expected: str, error_class: type[TomlFi
     except ValueError:  # Python reads no whole number with thousands of digits
         long = re.search(r"[0-9_]{4000,}", text)
         reason = f"a number has too many digits (at line {text.count(chr(10), 0, long.start() if long else 0) + 1})"
-    raise error_class([f"'{path}' cannot be read as {expected}: {reason}"])
+    raise TomlFileError([f"'{path}' cannot be read as {expected}: {reason}"])
 
 
 def _nested(text: str) -> str:
@@ -64,7 +64,6 @@ def _nested(text: str) -> str:
 def read_checked(
     path: str | os.PathLike[str],
     expected: str,
-    error_class: type[TomlFileError],
     schema: Any,
     create: Callable[[dict[str, Any], Path, Problems], object],
 ) -> Any:
@@ -72,12 +71,12 @@ def read_checked(
 
     ``expected`` is the expected content in messages, such as "a train", ``schema`` the pydantic model with keys and
     types. ``create(data, folder, problems)`` returns the object of valid data, or appends to the list of problems and
-    returns None. Other files are searched relative to the folder. An error of the class is raised if the file cannot be
-    read or its content is invalid.
+    returns None. Other files are searched relative to the folder. TomlFileError is raised if the file cannot be read or
+    its content is invalid.
     """
     import pydantic
 
-    text, data = parsed(path, expected, error_class)
+    text, data = parsed(path, expected)
     problems: Problems = []
     try:
         valid = schema.model_validate(data).model_dump(exclude_unset=True)
@@ -87,7 +86,7 @@ def read_checked(
         content = create(valid, Path(path).parent, problems)
         if content is not None:
             return content
-    raise error_class(located(path, text, problems))
+    raise TomlFileError(located(path, text, problems))
 
 
 def located(path: str | os.PathLike[str], text: str, problems: Sequence[tuple[KeyPath, str]]) -> list[str]:

@@ -58,7 +58,6 @@ from hbgear.gears.trains.train_components import Bearing, Mesh, Shaft, Wheel
 from hbgear.io.machines.toml_file import (
     KeyPath,
     Problems,
-    TomlFileError,
     bare,
     constructed,
     exactly,
@@ -77,17 +76,13 @@ _KINDS: dict[str, Any] = {
 }  # fmt: skip
 
 
-class TrainFileError(TomlFileError):
-    """Error: the file of a train is invalid; one text for each problem."""
-
-
 def read_train(path: str | os.PathLike[str]) -> Train | EpicyclicSet:
     """Read and check the .toml file of a train, or of an epicyclic set if it has a table ``[epicyclic]``.
 
-    TrainFileError is raised if the file cannot be read, a key, type, unit or value is wrong, or the gears cannot be
+    TomlFileError is raised if the file cannot be read, a key, type, unit or value is wrong, or the gears cannot be
     made or do not mesh.
     """
-    train: Train | EpicyclicSet = read_checked(path, "a train", TrainFileError, _schema(), _train)
+    train: Train | EpicyclicSet = read_checked(path, "a train", _schema(), _train)
     return train
 
 
