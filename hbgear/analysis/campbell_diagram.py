@@ -352,8 +352,7 @@ class _Rotor:
         size = np.einsum("ir,ij,jr->r", shapes.conj(), absolute, shapes).real
         mass = np.einsum("ir,ij,jr->r", shapes.conj(), dense(self.system.M), shapes).real
         gyroscopic = size > _MIN_GYROSCOPIC_RATIO * self.gyroscopic_scale * np.abs(mass)
-        whirl: Array = np.divide(signed, size, out=np.full(len(gyroscopic), np.nan), where=gyroscopic)
-        return whirl
+        return np.divide(signed, size, out=np.full(len(gyroscopic), np.nan), where=gyroscopic)
 
     def nearest_pole(self, Omega: float, guess: complex) -> tuple[complex, float]:
         """Return the pole at Omega that is nearest to a guess, and the whirl of its mode."""
@@ -419,7 +418,7 @@ def _critical_speeds(
             return rotor.nearest_pole(w, complex(poles[i] + fraction * (poles[i + 1] - poles[i])))
 
         def frequency_difference(w: float, pole: object = pole) -> float:
-            return pole(w)[0].imag - ratio * w  # type: ignore[operator, no-any-return]
+            return pole(w)[0].imag - ratio * w  # type: ignore[operator]
 
         ends = float(Omega[i]), float(Omega[i + 1])
         if frequency_difference(ends[0]) * frequency_difference(ends[1]) > 0:

@@ -66,8 +66,7 @@ class BranchSection:
         row = layout.rows(self.landed.X, element)[None]
         if derivative:
             row = layout.in_time(row, {k: np.array([x]) for k, x in self.landed.parameters.items()}, derivative)
-        out: Array = np.concatenate([layout.measure_rows(measure, row), rest])
-        return out
+        return np.concatenate([layout.measure_rows(measure, row), rest])
 
 
 @dataclass(frozen=True, eq=False)

@@ -177,8 +177,7 @@ class QuantityField:
             if self.default is None:
                 raise AttributeError(self.name)
             return self.default
-        number: float = vars(instance)[self.name]
-        return number
+        return vars(instance)[self.name]
 
     def __set__(self, instance: object, value: Any) -> None:
         vars(instance)[self.name] = self.read(type(instance).__name__, value)

@@ -201,8 +201,7 @@ class Slack:
     @property
     def excess(self) -> Array:
         """Smallest c less the required c, of the design and the sample (S,)."""
-        smallest: Array = (self.c - self.required[:, None]).min(axis=0)
-        return smallest
+        return (self.c - self.required[:, None]).min(axis=0)
 
     @property
     def shortfall(self) -> float:

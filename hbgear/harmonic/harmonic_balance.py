@@ -188,8 +188,7 @@ class HarmonicBalance(PeriodicMotions):
     ) -> Branch | str | None:
         """Return a curve of hard stops, which H harmonics do not resolve; see `trace_hard_stops`."""
         function = "hbgear.harmonic.contact_instants.hard_stops.trace_hard_stops"
-        curve: Branch | str | None = call(function, self, span, start, settings, cover, unresolved)
-        return curve
+        return call(function, self, span, start, settings, cover, unresolved)
 
     # ---- other harmonics
 
@@ -296,8 +295,7 @@ class HarmonicBalance(PeriodicMotions):
         """Return the balance with as many samples as the AFT of a motion requires; itself if they were given."""
         if self.discretization.samples_given or not self.compiled(parameters).aft_laws:
             return self
-        out: HarmonicBalance = with_enough_samples(self, X, parameters)
-        return out
+        return with_enough_samples(self, X, parameters)
 
     def arbitrary(self, X: Array, parameters: Mapping[str, float]) -> tuple[HarmonicBalance, str] | None:
         """Return the balance with springs that fix a motion without contact, and a message; None if it is determined.

@@ -273,7 +273,7 @@ def _variables(path: str | os.PathLike[str]) -> dict[str, Any]:
     """Return all matrices of a .mat or .npz file by name."""
     suffix = Path(path).suffix.lower()
     if suffix == ".npz":
-        return _read(path, lambda: _arrays(path))  # type: ignore[no-any-return]
+        return _read(path, lambda: _arrays(path))
     if suffix == ".mat":
         if Path(path).is_file() and is_hdf5(path):
             needed("h5py", "matlab", "a MATLAB file of version 7.3")

@@ -74,7 +74,7 @@ def find_model_class(name: str) -> type[Model]:
             else "name a class, or a function decorated by @hb.mechanics.model"
         )
         raise ValueError(f"'{name}' is {_kind(target)}, not a class of models; {advice}")
-    return target  # type: ignore[no-any-return]
+    return target
 
 
 def reference_of(cls: type[Model]) -> str | type[Model]:

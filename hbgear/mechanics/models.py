@@ -102,8 +102,7 @@ class Model(ABC):
 
     def _repr_html_(self) -> str:
         """Return the parameters with units, for notebooks."""
-        html: str = call("hbgear.plot.notebook.model_html", self)
-        return html
+        return call("hbgear.plot.notebook.model_html", self)
 
     @property
     def scales(self) -> Scales | None:

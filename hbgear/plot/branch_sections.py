@@ -119,8 +119,7 @@ def akima(knots: Array, values: Array, at: Array) -> Array:
     k = np.searchsorted(knots, at, "right").clip(1, len(steps)) - 1
     s, h = ((at - knots[k]) / steps[k]).clip(0.0, 1.0), steps[k]
     departure = s * (1 - s) * ((1 - s) * (at_knots[:, k] - inner[:, k]) - s * (at_knots[:, k + 1] - inner[:, k])) * h
-    out: Array = values[:, k] + s * inner[:, k] * h + departure
-    return out
+    return values[:, k] + s * inner[:, k] * h + departure
 
 
 def _division_points(lengths: Array, counts: NDArray[np.int64]) -> Array:

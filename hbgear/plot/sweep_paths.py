@@ -310,8 +310,7 @@ def _levels(section: BranchSection, element: int | str, derivative: int) -> Arra
     assert layout is not None  # runs consist of motions
     names = [f"H{k}/{layout.nu}" if k % layout.nu else f"H{k // layout.nu}" for k in range(1, layout.harmonics + 1)]
     amplitudes = np.array([section.amplitude(name, element, derivative) for name in names])
-    levels: Array = 20 * np.log10(np.maximum(amplitudes, 1e-300))
-    return levels
+    return 20 * np.log10(np.maximum(amplitudes, 1e-300))
 
 
 def _heights(section: BranchSection, height: Ordinate) -> Array:

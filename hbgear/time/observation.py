@@ -61,5 +61,4 @@ def _extremum(d: Array, v: Array, h: float, sign: int) -> Array:
     rows, count = np.arange(len(d)), d.shape[1]
     acceleration = (v[rows, (i + 1) % count] - v[rows, (i - 1) % count]) / (2 * h)
     correction = np.divide(-(v[rows, i] ** 2), 2 * acceleration, out=np.zeros(len(d)), where=sign * acceleration < 0)
-    extremum: Array = d[rows, i] + correction
-    return extremum
+    return d[rows, i] + correction

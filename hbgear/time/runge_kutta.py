@@ -371,5 +371,4 @@ def _repeat_step(
     solver = getattr(scipy.integrate, method)(f, t, Y, end, rtol=tolerance, atol=atol, first_step=end - t, **options)
     while solver.status == "running":
         solver.step()
-    y: Array = solver.y
-    return y
+    return solver.y

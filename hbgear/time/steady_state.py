@@ -237,8 +237,7 @@ def growth_rates(integrator: ExponentialIntegrator, motions: StateBatch, periods
         pair_integrator.advance(pair)
         delta = pair.zeta[count:] - pair.zeta[:count]
         logs[p] = np.log(np.maximum(np.linalg.norm(weights * delta, axis=1), 1e-300) / small)
-    out: Array = logs[periods // 4 :].mean(axis=0)
-    return out
+    return logs[periods // 4 :].mean(axis=0)
 
 
 def lyapunov(integrator: ExponentialIntegrator, motions: StateBatch, periods: int = 400) -> float:

@@ -81,8 +81,7 @@ class ToothLoads:
     @property
     def back(self) -> Array:
         """Force on the other flanks of each pair [N], shape (M, P)."""
-        out: Array = self.forces.back.sum(axis=0)
-        return out
+        return self.forces.back.sum(axis=0)
 
     @property
     def share(self) -> Array:
@@ -110,14 +109,12 @@ class ToothLoads:
     def separated(self) -> Array:
         """Part of its static path of contact on which each pair is not in contact, shape (M,)."""
         path = self.static.force[0] > 0
-        out: Array = np.mean(self.force[:, path] <= 0, axis=1)
-        return out
+        return np.mean(self.force[:, path] <= 0, axis=1)
 
     @property
     def back_contact(self) -> Array:
         """Duration of the contact of each pair on its flank without mean load [mesh periods], shape (M,)."""
-        out: Array = np.sum(self.back > 0, axis=1) * float(self.position[1] - self.position[0])
-        return out
+        return np.sum(self.back > 0, axis=1) * float(self.position[1] - self.position[0])
 
 
 @checked_arguments()
@@ -212,8 +209,7 @@ class _Motion:
         row = side * self.length * point.coefficients(self.index)
 
         def displacement(t: Array) -> Array:
-            x: Array = evaluate(row, TURN * t / self.meshes)
-            return x
+            return evaluate(row, TURN * t / self.meshes)
 
         return pair_forces(self.flanks[side], displacement, self.meshes, self.mesh.pair.half_backlash, steps)
 

@@ -64,5 +64,4 @@ def measured_along(layout: LayoutProtocol, measure: str, element: int | str, X: 
     h = 1e-5 * np.maximum(np.linalg.norm(X, axis=-1), 1e-3)[:, None] / np.where(finite & (sizes > 0), sizes, 1.0)
     steps = h[..., None] * np.where(finite[..., None], along, 0.0)
     upper, lower = (layout.measure(measure, X[:, None] + side * steps, element) for side in (1, -1))
-    rates: Array = np.where(finite, upper - lower, math.nan) / (2 * h)
-    return rates
+    return np.where(finite, upper - lower, math.nan) / (2 * h)

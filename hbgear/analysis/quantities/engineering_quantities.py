@@ -371,8 +371,7 @@ def _friction(
 
 def total_error(problem: HarmonicBalance, X: Array, parameters: dict[str, float], index: int) -> Array:
     """Return the coefficients of the dynamic transmission error d + e of an element."""
-    error: Array = problem.rows(X)[index] + _prescribed(problem, parameters, index)
-    return error
+    return problem.rows(X)[index] + _prescribed(problem, parameters, index)
 
 
 def _prescribed(problem: HarmonicBalance, parameters: dict[str, float], index: int) -> Array:

@@ -150,8 +150,7 @@ def force_samples(
     if isinstance(law, Component):
         group = range(index - law.index, index - law.index + law.law.size)
         d, v = np.array([gap(j) for j in group]), rate * np.array([gap(j, 1) for j in group])
-        component: Array = law.law.force(d, v, tau)[0][law.index]
-        return component
+        return law.law.force(d, v, tau)[0][law.index]
     law = law.normal if isinstance(law, MeshContacts) else law
     d = gap(index)
     force: Array = law.force(d, rate * gap(index, 1), tau)[0]

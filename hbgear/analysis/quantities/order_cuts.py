@@ -154,5 +154,4 @@ def _row(
         row = total_error(problem, X, parameters, index)
     else:
         row = problem.motion(X, **parameters)[dof_index(dof, problem.dof_names)]
-    out: Array = derivative(row[None], np.array([parameters["Omega"] / problem.nu]), 2)[0]
-    return out
+    return derivative(row[None], np.array([parameters["Omega"] / problem.nu]), 2)[0]

@@ -163,11 +163,9 @@ MAX_IMPERFECTION = 1e-6
 
 def _with_component(b: Array, array: Array, value: Array) -> Array:
     """Return a vector or matrix whose component along b is replaced by a value."""
-    out: Array = array + np.multiply.outer(b, value - b @ array)
-    return out
+    return array + np.multiply.outer(b, value - b @ array)
 
 
 def _matrix(evaluation: Evaluation) -> Array:
     """Return [dR/dX, dR/dp], (n, n + 1)."""
-    out: Array = np.column_stack([as_dense(evaluation.dR_dX), evaluation.dR_dp])
-    return out
+    return np.column_stack([as_dense(evaluation.dR_dX), evaluation.dR_dp])

@@ -130,8 +130,7 @@ def _column(points: list[CurvePoint], name: str, missing: Any) -> Array | None:
     if not lengths:
         return None
     blank = np.full(max(lengths), missing)
-    column: Array = np.array([x if x is not None and len(x) == len(blank) else blank for x in observed])
-    return column
+    return np.array([x if x is not None and len(x) == len(blank) else blank for x in observed])
 
 
 def build_point(problem: ContinuationProblem, name: str, fixed: Mapping[str, float], point: CurvePoint) -> Point:

@@ -107,15 +107,13 @@ class BranchStart:
 
 def normal_of(direction: Array, scale: Array) -> Array:
     """Return the normal (n + 1,) of the plane that is orthogonal to a direction in scaled unknowns."""
-    scaled: Array = direction / scale**2
-    return scaled
+    return direction / scale**2
 
 
 def unit_normal_of(direction: Array, scale: Array) -> Array:
     """Return `normal_of` with unit length, as the corrector needs it."""
     normal = normal_of(direction, scale)
-    unit: Array = normal / np.linalg.norm(normal)
-    return unit
+    return normal / np.linalg.norm(normal)
 
 
 @dataclass(frozen=True)

@@ -31,8 +31,7 @@ class BranchPointEvent(BuiltInEvent):
 
     def sign_changes(self, points: Sequence[CurvePoint], values: Array) -> np.ndarray:
         orientation = np.array([point.orientation for point in points])
-        changed: Array = orientation[1:] != orientation[:-1]
-        return changed
+        return orientation[1:] != orientation[:-1]
 
     def find(self, segment: Segment) -> list[LocatedEvent]:
         if segment.a.orientation == segment.b.orientation or _is_corner(segment):
@@ -80,8 +79,7 @@ def _transverse_direction(
     along = np.append(curve[after] - curve[before], branch.values[after] - branch.values[before]) / scale
     projection = null @ along
     projection = projection / np.linalg.norm(projection)
-    out: Array = scale * (np.array([-projection[1], projection[0]]) @ null)
-    return out
+    return scale * (np.array([-projection[1], projection[0]]) @ null)
 
 
 def _is_corner(segment: Segment) -> bool:

@@ -74,8 +74,7 @@ class EventDetector:
         changed = np.zeros(len(points) - 1, dtype=bool)
         for event in self.passing:
             changed |= self.changes(event, points) > 0
-        segments: list[int] = np.flatnonzero(changed).tolist()
-        return segments
+        return np.flatnonzero(changed).tolist()
 
     def find(self, segment: Segment) -> list[LocatedEvent]:
         """Return all special points of a segment in the order of the curve.

@@ -42,8 +42,7 @@ class FoldEvent(BuiltInEvent):
 
     def sign_changes(self, points: Sequence[CurvePoint], values: Array) -> np.ndarray:
         direction = np.array([point.parameter_direction for point in points])
-        changed: np.ndarray = direction[1:] * direction[:-1] < 0
-        return changed
+        return direction[1:] * direction[:-1] < 0
 
     def near_zeros(self, points: Sequence[CurvePoint], values: Array, scale: Array) -> list[tuple[int, float]]:
         """Return the segments on which dp/ds of the cubic Hermite polynomial comes close to zero.

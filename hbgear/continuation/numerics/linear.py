@@ -36,8 +36,7 @@ def norms(x: Array) -> Array:
     flat = x.reshape(len(x), math.prod(x.shape[1:]))
     if flat.dtype == complex:
         flat = flat.view(float)
-    lengths: Array = np.sqrt(np.einsum("ij,ij->i", flat, flat))
-    return lengths
+    return np.sqrt(np.einsum("ij,ij->i", flat, flat))
 
 
 def dense(A: Matrix) -> bool:
@@ -47,8 +46,7 @@ def dense(A: Matrix) -> bool:
 
 def as_dense(A: Matrix) -> Array:
     """Return a dense or sparse matrix as a numpy array."""
-    full: Array = A if dense(A) else A.toarray()
-    return full
+    return A if dense(A) else A.toarray()
 
 
 def solve_linear(A: Matrix, b: Array) -> Array:

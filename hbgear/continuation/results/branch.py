@@ -216,8 +216,7 @@ class Branch(BranchData, BranchFacade):
         """
         coarse = self.amplitude(measure, element, dof, derivative)
         fine = self.refined().amplitude(measure, element, dof, derivative)
-        error: Array = np.abs(fine - coarse)
-        return error
+        return np.abs(fine - coarse)
 
     @checked_arguments()
     def peak(self, measure: str = "rms", element: int | str = 0) -> Point:

@@ -205,8 +205,7 @@ class BranchData:
     @property
     def asymptotes(self) -> dict[str, float]:
         """Parameter values at which the solutions grow without bound, beyond the "first" or the "last" point."""
-        values: dict[str, float] = self.meta.get("asymptotes", {})
-        return values
+        return self.meta.get("asymptotes", {})
 
     @property
     def unbounded_ends(self) -> list[tuple[int, float]]:

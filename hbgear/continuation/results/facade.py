@@ -23,8 +23,7 @@ class BranchFacade:
 
     def _repr_html_(self) -> str:
         """Return a summary, the jumps and the figure, for notebooks."""
-        html: str = call("hbgear.plot.notebook.branch_html", self)
-        return html
+        return call("hbgear.plot.notebook.branch_html", self)
 
     @checked_arguments()
     def save(self, path: str | os.PathLike[str]) -> None:
@@ -66,8 +65,7 @@ class BranchFacade:
         ValueError
             If xarray is not installed.
         """
-        dataset: xarray.Dataset = call("hbgear.io.branches.frames.to_xarray", self)
-        return dataset
+        return call("hbgear.io.branches.frames.to_xarray", self)
 
     @checked_arguments()
     def at(self, value: float) -> tuple[Point, ...]:
@@ -99,8 +97,7 @@ class BranchFacade:
         >>> [(round(float(point.amplitude("rms")), 3), point.stability) for point in curve.at(0.8)]
         [(0.202, 'stable'), (0.124, 'unstable'), (0.061, 'stable')]
         """
-        points: tuple[Point, ...] = call("hbgear.continuation.tracing.jumps.points_at", self, value)
-        return points
+        return call("hbgear.continuation.tracing.jumps.points_at", self, value)
 
     def refined(self) -> Any:
         """Return the branch with twice the harmonics: each point is replaced by the nearest solution.

@@ -27,8 +27,7 @@ class Crossing:
 
     def interpolate(self, array: Array) -> Array:
         """Return the value of an array (P, ...) over the points of the branch, interpolated linearly."""
-        x: Array = (1 - self.fraction) * array[self.index] + self.fraction * array[self.index + 1]
-        return x
+        return (1 - self.fraction) * array[self.index] + self.fraction * array[self.index + 1]
 
     @property
     def nearest(self) -> int:
@@ -88,8 +87,7 @@ def interpolate_along(at: Array, x: Array, y: Array) -> Array:
         middle = 0.5 * (low + high)
         below = x_of_s(middle) < at
         low, high = np.where(below, middle, low), np.where(below, high, middle)
-    out: Array = scipy.interpolate.CubicSpline(s, y)(high)
-    return out
+    return scipy.interpolate.CubicSpline(s, y)(high)
 
 
 _COINCIDENCE = 1e-9

@@ -132,8 +132,7 @@ def _in_family(values: Array, multipliers: ComplexArray) -> NDArray[np.bool_]:
     same = np.abs(np.diff(values)) <= _SAME_VALUE * np.abs(values[1:])
     is_vertical = np.append(same, False) | np.append(False, same)
     distance = np.abs(multipliers - 1.0).min(axis=1, initial=math.inf)
-    in_family: NDArray[np.bool_] = is_vertical & (distance < STABILITY_TOLERANCE)
-    return in_family
+    return is_vertical & (distance < STABILITY_TOLERANCE)
 
 
 def _is_displaced_between(branch: BranchData, point: SpecialPoint, a: int, b: int) -> bool:

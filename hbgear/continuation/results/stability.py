@@ -51,8 +51,7 @@ def scaled_determinant(multipliers: ComplexArray, critical: float) -> Array:
     """
     # a factor, because the division of a complex nan warns
     scale = 1.0 / np.maximum(np.abs(multipliers) / MAX_DETERMINANT_MODULUS, 1.0)
-    determinant: Array = ((multipliers - critical) * scale).prod(axis=1).real
-    return determinant
+    return ((multipliers - critical) * scale).prod(axis=1).real
 
 
 MAX_DETERMINANT_MODULUS = 1e6

@@ -79,8 +79,7 @@ class _Equations(NamedTuple):
 
     def at(self, u: Array) -> Evaluation:
         """Return the linearised equations at a point."""
-        evaluation: Evaluation = self.problem.linearise(u[:-1], self.name, **{**self.fixed, self.name: float(u[-1])})
-        return evaluation
+        return self.problem.linearise(u[:-1], self.name, **{**self.fixed, self.name: float(u[-1])})
 
 
 def _point_beyond(

@@ -60,8 +60,7 @@ class CurveEnds:
         length = norms((u[1:] - u[:-1]) / state.scale)
         near_first = np.abs(value - state.first.value) <= MAX_DISTANCE_RATIO * length * state.scale[-1]
         has_folded = np.logical_or.accumulate(folds) | state.has_folded
-        candidates: list[int] = np.flatnonzero(outside | folds | (near_first & has_folded)).tolist()
-        return candidates
+        return np.flatnonzero(outside | folds | (near_first & has_folded)).tolist()
 
     # ---- span and range
 

@@ -224,5 +224,4 @@ def stability_codes_of(points: Sequence[CurvePoint]) -> list[int]:
     missing = np.full(next((len(mu) for mu in sets if mu is not None), 1), np.nan + 0j)
     multipliers = np.array([missing if mu is None else mu for mu in sets])
     errors = [point.observed.get("modulus_error", math.nan) for point in points]
-    codes: list[int] = stability_codes(multipliers, np.array(errors)).tolist()
-    return codes
+    return stability_codes(multipliers, np.array(errors)).tolist()

@@ -194,8 +194,7 @@ class FitSearch:
 
         result = least_squares(distances, start, jacobian, (low, high), loss="soft_l1", xtol=2e-2, ftol=1e-1,
                               x_scale=np.maximum(np.abs(start), 1e-3 * (high - low)), max_nfev=20)  # fmt: skip
-        x: Array = result.x
-        return x
+        return result.x
 
     def _check_unit(self) -> None:
         """Raise an error if measured and computed amplitudes differ by orders of magnitude."""
@@ -231,8 +230,7 @@ def values_and_sizes(best: Prediction, low: Array, high: Array) -> tuple[Array, 
 
 def is_without_effect(J: Array) -> NDArray[np.bool_]:
     """Return which parameters (p,) have no effect on the residuals, whose derivatives by relative changes are J."""
-    ineffective: NDArray[np.bool_] = np.linalg.norm(J, axis=0) <= MIN_EFFECT
-    return ineffective
+    return np.linalg.norm(J, axis=0) <= MIN_EFFECT
 
 
 def cost_of(prediction: Prediction) -> float:

@@ -148,8 +148,7 @@ def _amplitudes(branch: Branch, work: Work, X: Sequence[Array]) -> list[float]:
     """Return the amplitudes of motions of a branch, computed together."""
     layout = layout_of(branch)
     assert layout is not None  # a branch of a harmonic balance has a layout
-    A: list[float] = layout.measure(work.measure, np.array(X), work.element).tolist()
-    return A
+    return layout.measure(work.measure, np.array(X), work.element).tolist()
 
 
 def _jumps(curves: list[Branch], work: Work, numbers: dict[str, float], arrays: dict[str, Array]) -> None:

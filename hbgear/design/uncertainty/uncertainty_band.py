@@ -123,8 +123,7 @@ def ellipse_contact(covariance: Array, normal: Array) -> Array:
     """Return S n / sigma (P, 2), where ellipses of covariances S (P, 2, 2) touch lines with normals n (P, 2)."""
     projected = np.einsum("pxy,py->px", covariance, normal)
     sigma = np.sqrt(np.einsum("px,px->p", projected, normal).clip(0.0))
-    contact: Array = projected / np.where(sigma, sigma, 1.0)[:, None]
-    return contact
+    return projected / np.where(sigma, sigma, 1.0)[:, None]
 
 
 @checked_arguments(
@@ -283,5 +282,4 @@ def _secants(branch: Branch) -> Array:
     U = np.column_stack([branch.X, branch.values])
     U = U / np.append(np.full(branch.X.shape[1], np.abs(branch.X).max() or 1.0), np.ptp(branch.values) or 1.0)
     secant = np.gradient(U, axis=0)
-    directions: Array = secant / np.maximum(np.linalg.norm(secant, axis=1), 1e-300)[:, None]
-    return directions
+    return secant / np.maximum(np.linalg.norm(secant, axis=1), 1e-300)[:, None]

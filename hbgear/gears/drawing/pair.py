@@ -251,8 +251,7 @@ class GearPair:  # numpydoc ignore=PR02
 
     def tilt(self, positions: Array) -> Array:
         """Return the gap of the driving flanks [m] by misalignment, at positions -1/2 to 1/2 across the face."""
-        gap: Array = abs(self.misalignment) / 2 + self.misalignment * positions
-        return gap
+        return abs(self.misalignment) / 2 + self.misalignment * positions
 
     @property
     def is_uneven(self) -> bool:

@@ -69,8 +69,7 @@ class Tooth:
         g = self.gear
         alpha = np.arccos(np.minimum(self.base / radius, 1.0))
         at_pitch = (pi / 2 + 2 * g.profile_shift * tan(g.pressure_angle)) / self.teeth
-        angle: Array = at_pitch + involute(g.pressure_angle) - (np.tan(alpha) - alpha)
-        return angle
+        return at_pitch + involute(g.pressure_angle) - (np.tan(alpha) - alpha)
 
     def _fillet(self) -> tuple[Array, Array]:
         """Return radii and half angles of the trochoid, from the root circle to the involute."""
@@ -103,8 +102,7 @@ class Tooth:
         density = arm**2 / (g.E * (2 * y) ** 3 / 12) + 1.2 * c**2 / (G * 2 * y) + s**2 / (g.E * 2 * y)
         step = np.maximum(np.diff(x, axis=1), 1e-12 * g.module)  # the fillet of a sharp rack is one point
         below = np.clip((x_F[:, None] - x[:, :-1]) / step, 0.0, 1.0)  # fraction of each interval below the force
-        total: Array = np.sum((density[:, 1:] + density[:, :-1]) / 2 * step * below, axis=1)
-        return total
+        return np.sum((density[:, 1:] + density[:, :-1]) / 2 * step * below, axis=1)
 
     def _foundation(self, x_F: Array, y_F: Array, phi: Array) -> Array:
         """Return the compliance of the gear body by the formula of Sainsot et al."""
@@ -114,5 +112,4 @@ class Tooth:
             [root_angle**-2, RADIUS_RATIO**2, RADIUS_RATIO / root_angle, 1 / root_angle, RADIUS_RATIO, 1.0]
         )
         u = (x_F - y_F * np.tan(phi) - root) / (2 * root * theta)  # height over S
-        compliance: Array = np.cos(phi) ** 2 / g.E * (L * u**2 + M * u + P * (1 + Q * np.tan(phi) ** 2))
-        return compliance
+        return np.cos(phi) ** 2 / g.E * (L * u**2 + M * u + P * (1 + Q * np.tan(phi) ** 2))

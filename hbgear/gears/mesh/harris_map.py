@@ -56,8 +56,7 @@ class HarrisMap:
     @property
     def peak_to_peak(self) -> Array:
         """Peak-to-peak value of the static transmission error at each torque [m], shape (n,)."""
-        out: Array = np.ptp(self.error, axis=1)
-        return out
+        return np.ptp(self.error, axis=1)
 
 
 def harris_map(pair: GearPair, torques: Sequence[Any], *, phases: int = 256) -> HarrisMap:

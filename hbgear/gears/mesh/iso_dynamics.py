@@ -121,7 +121,6 @@ def iso_dynamic_factor(pair: GearPair, torque: Any, speed: ArrayLike, grade: int
     N = np.abs(n) / resonance_speed(pair, torque)
     low = 0.85 if load >= LOW_LOAD_RESONANCE else 0.5 + 0.35 * sqrt(load / LOW_LOAD_RESONANCE)
     between = above + (resonant - above) * (1.5 - N) / 0.35
-    out: Array = np.select(
+    return np.select(
         [low >= N, N <= 1.15, N < 1.5], [1 + N * (errors + C.below * k), np.full(n.shape, resonant), between], above
     )
-    return out

@@ -280,8 +280,7 @@ def spring_displacement(k: Array, gap: Array, force: float) -> Array:
         candidate = (force + moment) / total_stiffness  # with the first j springs in contact
         next_gap = np.concatenate([g[:, 1:], np.full((len(g), 1), np.inf)], axis=1)
     in_contact = np.argmax(candidate <= next_gap, axis=1)
-    out: Array = candidate[np.arange(len(g)), in_contact]
-    return out
+    return candidate[np.arange(len(g)), in_contact]
 
 
 def contact_compliance(pair: GearPair, c: Contacts, load: Array) -> tuple[Array, Array]:

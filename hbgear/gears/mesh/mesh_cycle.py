@@ -95,8 +95,7 @@ class MeshTable:  # numpydoc ignore=PR02
         before, after = self.phase[right - 1], self.phase[right]
         with np.errstate(invalid="ignore", divide="ignore"):
             fraction = np.where(after > before, (x - before) / (after - before), 0.0)
-        out: Array = self.value[right - 1] + fraction * (self.value[right] - self.value[right - 1])
-        return out
+        return self.value[right - 1] + fraction * (self.value[right] - self.value[right - 1])
 
     def function(self, tolerance: float = 0.0) -> Phased:
         """Return the table as a function of the phase tau, including its jumps, for use in models.

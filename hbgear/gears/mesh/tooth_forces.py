@@ -48,8 +48,7 @@ class PairForces:
     @property
     def force(self) -> Array:
         """Force on the driving flanks of each pair, shape (M, P)."""
-        out: Array = self.drive.sum(axis=0)
-        return out
+        return self.drive.sum(axis=0)
 
     @property
     def total(self) -> Array:
@@ -104,8 +103,7 @@ def _force(flank: Flank, u: Array, x: Array, half_backlash: float) -> Array:
     k, g = _on_path(flank, u)
     errors = np.array([flank.added_gap(p, p + u) for p in range(len(x))])
     closed = half_backlash + flank.half_backlash + g + errors
-    out: Array = k * np.maximum(flank.side * x - closed, 0.0)
-    return out
+    return k * np.maximum(flank.side * x - closed, 0.0)
 
 
 def _on_path(flank: Flank, u: Array) -> tuple[Array, Array]:

@@ -228,10 +228,9 @@ class _Path:
         total = rolling + omega * (1 - pair.wheel.sign / pair.ratio) * (s - self.pitch) * p
         force = np.interp(s, self.static.position, self.static.force[0])
         load = np.maximum(force, MIN_LOAD_SHARE * self.mesh.force) * self.normal / pair.face_width
-        mu: Array = self.normal * self.friction.coefficient(
+        return self.normal * self.friction.coefficient(
             load, omega * (1 + pair.wheel.sign / pair.ratio) * distance, total
         )
-        return mu
 
     def _check(self, mu: Array, friction: BenedictKelley) -> None:
         if mu.min() <= 0:

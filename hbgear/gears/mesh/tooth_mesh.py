@@ -289,5 +289,4 @@ class _Path:
         c, part = self._contacts_at(u, number)
         min_load = MIN_LOAD_SHARE * self.force / self.slices * part
         contact = contact_compliance(self.pair, c, np.maximum(load, min_load)[:, None])[0]
-        k: Array = np.where(part > 0, 1 / (c.teeth + contact)[:, 0], 0.0)
-        return k
+        return np.where(part > 0, 1 / (c.teeth + contact)[:, 0], 0.0)

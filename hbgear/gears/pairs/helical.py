@@ -346,5 +346,4 @@ def _without_rotation(vectors: Array, w: Array, M: Array) -> Array:
     turn = np.zeros(12)
     turn[5], turn[11] = w[11], -w[5]
     inertia = M @ turn
-    out: Array = vectors - np.multiply.outer(vectors @ turn, inertia / (turn @ inertia))
-    return out
+    return vectors - np.multiply.outer(vectors @ turn, inertia / (turn @ inertia))

@@ -129,8 +129,7 @@ class EpicyclicSet(EpicyclicLayout):  # numpydoc ignore=PR02
         J, W = self.structure()
         k = np.array([mesh.k_mean for mesh in self.train.meshes])
         square = scipy.linalg.eigh((W * k) @ W.T, np.diag(J), eigvals_only=True)
-        frequencies: Array = np.sqrt(np.where(square > ZERO_SQUARE * square.max(), square, 0.0)) / (2 * pi)
-        return frequencies
+        return np.sqrt(np.where(square > ZERO_SQUARE * square.max(), square, 0.0)) / (2 * pi)
 
     def system(self) -> System:
         """Return the dimensionless equations of motion with one element for each mesh, in the units of the train."""

@@ -189,8 +189,7 @@ class EpicyclicLayout(Model):
     @cached_property
     def _relative(self) -> dict[str, Fraction]:
         """Speeds of the gears relative to the carrier, over that of one of them."""
-        speeds: dict[str, Fraction] = dict(kinematics(self._by_name, self._shafts(("",)), self.meshes).speeds)
-        return speeds
+        return dict(kinematics(self._by_name, self._shafts(("",)), self.meshes).speeds)
 
     @cached_property
     def speeds(self) -> dict[str, Fraction]:

@@ -302,5 +302,4 @@ class PlanetarySet(PlanetaryLayout):  # numpydoc ignore=PR02
             directed: Phased = function.reversed() if backward else function
             return in_order(directed, self.mesh_order, lag)
 
-        law: Law = contacts.changed(in_common_period, in_common_period).scaled(ratio, 1 / self.b_c).widened(b)
-        return law
+        return contacts.changed(in_common_period, in_common_period).scaled(ratio, 1 / self.b_c).widened(b)

@@ -146,8 +146,7 @@ class Beam:  # numpydoc ignore=PR02
         M, K, _ = self.matrices
         M = M + np.diag(np.concatenate([first, np.zeros(len(M) - 12), second]))
         squares, modes = scipy.linalg.eigh(K, M)
-        C: Array = M @ (modes * (2 * self.damping * np.sqrt(np.maximum(squares, 0.0)))) @ modes.T @ M
-        return C
+        return M @ (modes * (2 * self.damping * np.sqrt(np.maximum(squares, 0.0)))) @ modes.T @ M
 
     def _element(self, L: float) -> Array:
         """Return M, K, G (3, 12, 12) of one element of length L."""

@@ -475,8 +475,7 @@ class Mesh:  # numpydoc ignore=PR02
         """Return the mesh of a second wheel that drives: all functions of tau run backwards."""
 
         def reverse(function: Phased) -> Phased:
-            backward: Phased = function.reversed()
-            return backward
+            return function.reversed()
 
         return replace(
             self, pitch_phase=-self.pitch_phase, eps_lag=tuple(-x for x in self.eps_lag),

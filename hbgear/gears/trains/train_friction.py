@@ -68,5 +68,4 @@ def without_rotation(vector: Array, turn: Array, M: Array, K: Array) -> Array:
     if np.abs(K @ turn).max() > HELD * np.abs(K).max() * np.abs(turn).max():
         return vector
     inertia = M @ turn
-    remainder: Array = vector - inertia * ((turn @ vector) / (turn @ inertia))
-    return remainder
+    return vector - inertia * ((turn @ vector) / (turn @ inertia))

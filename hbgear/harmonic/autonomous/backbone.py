@@ -320,8 +320,7 @@ class BackboneProblem(ContinuationProblem):
         evaluator = self.balance.compiled(model_parameters(parameters))
         Omega, D = parameters["Omega"], parameters["modal_damping"]
         d, f = to_complex(X.reshape(evaluator.m, -1)), to_complex(evaluator.forces(X, Omega))
-        rows: Array = to_real(_coordinates(evaluator, Omega, D, d, f).T)
-        return rows
+        return to_real(_coordinates(evaluator, Omega, D, d, f).T)
 
 
 def model_parameters(parameters: Mapping[str, float]) -> dict[str, float]:
@@ -366,8 +365,7 @@ SYMMETRY_ROUNDING = 1e-15
 
 def _springs(evaluator: Evaluator) -> Array:
     """Return the springs (m,) that the receptances include."""
-    springs: Array = _SPRING_FACTOR * evaluator.structure.kr
-    return springs
+    return _SPRING_FACTOR * evaluator.structure.kr
 
 
 def _matrices(evaluator: Evaluator) -> Array:
@@ -380,8 +378,7 @@ def _dynamic_stiffness(matrices: Array, orders: Array, Omega: float, D: float) -
     """Return D_k = K + i k Omega C - (k^2 + 2 i k D) Omega^2 M of orders k, (K, n, n)."""
     factors = np.stack([-(orders**2 + 2j * orders * D) * Omega**2, 1j * orders * Omega, np.ones(len(orders))])
     n = matrices.shape[-1]
-    out: ComplexArray = (factors.T @ matrices.reshape(3, -1)).reshape(-1, n, n)
-    return out
+    return (factors.T @ matrices.reshape(3, -1)).reshape(-1, n, n)
 
 
 def _are_symmetric(matrices: Array) -> bool:
@@ -419,8 +416,7 @@ def _linear_part(evaluator: Evaluator, Omega: float, D: float) -> tuple[LinearPa
 
 def _applied(rate: ComplexArray, d: ComplexArray, evaluator: Evaluator) -> ComplexArray:
     """Return the derivative (m, K + 1) of the balance in D from dZ/dD (K + 1, m, m) and displacements (m, K + 1)."""
-    out: ComplexArray = evaluator.structure.force_sums @ np.einsum("kij,jk->ik", rate, d)
-    return out
+    return evaluator.structure.force_sums @ np.einsum("kij,jk->ik", rate, d)
 
 
 def _coordinates(evaluator: Evaluator, Omega: float, D: float, d: ComplexArray, f: ComplexArray) -> ComplexArray:

@@ -303,8 +303,7 @@ def _line_integral(law: VectorLaw, d: Array) -> Array:
     weights = np.tile(0.5 * _WEIGHTS / _LINE_PARTS, _LINE_PARTS)
     x = (d[:, :, None] * s).reshape(len(d), -1)
     force = law.force(x, np.zeros_like(x), np.zeros(x.shape[1]))[0].reshape(*d.shape, -1)
-    integrals: Array = np.einsum("pn,pns,s->n", d, force, weights)
-    return integrals
+    return np.einsum("pn,pns,s->n", d, force, weights)
 
 
 def _potential(law: Law, d: float) -> float:

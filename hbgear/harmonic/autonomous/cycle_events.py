@@ -120,8 +120,7 @@ class CycleTorusEvent(_CycleEvent):
 
     def functions(self, multipliers: ComplexArray) -> Array:
         """Return log|mu| in descending order."""
-        sizes: Array = np.log(np.maximum(np.sort(np.abs(multipliers))[::-1], np.finfo(float).tiny))
-        return sizes
+        return np.log(np.maximum(np.sort(np.abs(multipliers))[::-1], np.finfo(float).tiny))
 
     def occurs(self, multipliers: ComplexArray) -> bool:
         """Return whether the multiplier nearest to the unit circle belongs to a complex pair.

@@ -94,13 +94,11 @@ class LimitCycleProblem(MinimallyAugmentedProblem):
     @property
     def dof_names(self) -> tuple[str, ...]:
         """Names of the coordinates of the structure."""
-        names: tuple[str, ...] = self.problem.dof_names
-        return names
+        return self.problem.dof_names
 
     def motion(self, X: Array, **parameters: float) -> Array:
         """Return the harmonics of all coordinates, as real rows (n, 2H + 1), with Omega among the parameters."""
-        rows: Array = self.problem.motion(X, **parameters)
-        return rows
+        return self.problem.motion(X, **parameters)
 
     def describe(self) -> dict[str, Any]:
         """Return the data for the header of a file."""

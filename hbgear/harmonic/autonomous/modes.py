@@ -109,8 +109,7 @@ def _undamped_modes(M: Array, K: Array) -> Array:
     R, N = motions[:, ~zero] / scale[:, None], motions[:, zero] / scale[:, None]
     # motions without mass follow the others statically
     T = R - N @ (np.linalg.pinv(N.T @ K @ N, hermitian=True) @ (N.T @ K @ R))
-    vectors: Array = T @ scipy.linalg.eigh(R.T @ K @ T, np.diag(masses[~zero]))[1]
-    return vectors
+    return T @ scipy.linalg.eigh(R.T @ K @ T, np.diag(masses[~zero]))[1]
 
 
 _DAMPING_STEPS = 10

@@ -117,7 +117,7 @@ class HarmonicEquations(ContinuationProblem):
         return out
 
     def _cached(self, kind: str, key: Hashable, build: Callable[[], Value]) -> Value:
-        return self._caches[kind].get(key, build)  # type: ignore[no-any-return]
+        return self._caches[kind].get(key, build)
 
     @property
     def resolution(self) -> str:
@@ -214,8 +214,7 @@ class HarmonicEquations(ContinuationProblem):
         """Return dR/dname alone (n,)."""
         if name == "Omega":
             return super().parameter_derivative(X, name, parameters)
-        dR: Array = self.parameter_derivatives(X[None], np.array([parameters["Omega"]]), name, parameters)[0]
-        return dR
+        return self.parameter_derivatives(X[None], np.array([parameters["Omega"]]), name, parameters)[0]
 
     def parameter_derivatives(self, X: Array, Omega: Array, name: str, parameters: Mapping[str, float]) -> Array:
         """Return dR/dname (P, n) of motions X (P, n) at Omega (P,); the name is a parameter of the model."""
@@ -226,7 +225,7 @@ class HarmonicEquations(ContinuationProblem):
             return (np.array([evaluator.linearise(x, w)[0] for x, w in zip(X, Omega.tolist(), strict=True)]),)
 
         (dR,) = parameter_derivatives(self, name, {name: self.models.defaults.get(name, 0.0), **parameters}, residuals)
-        return dR  # type: ignore[no-any-return]
+        return dR
 
     def curvature(self, X: Array, v: Array, name: str, **parameters: float) -> tuple[Array, Array]:
         """Return the derivatives (n, n) of dR/dX along v (n,) and in a parameter; the latter is exact in Omega."""

@@ -106,8 +106,7 @@ class PeriodicMotions(HarmonicEquations):
         It is the number of breakpoints of the law that the motion crosses, at most 2. With friction it is 3 if no
         slider of the element slips, 4 if some of them slip, and 5 if all slip.
         """
-        codes: np.ndarray = motion.regimes(self.compiled(parameters), X[None])[0]
-        return codes
+        return motion.regimes(self.compiled(parameters), X[None])[0]
 
     @checked_arguments()
     def clearance(self, X: Array, **parameters: float) -> Array:
@@ -121,8 +120,7 @@ class PeriodicMotions(HarmonicEquations):
         """Return the distances of a motion from its thresholds of a kind: "clearance", "slip" or "edge"."""
         if "Omega" in parameters:  # clearances do not depend on it
             X = self._checked_unknowns(X, parameters)
-        distances: Array = THRESHOLDS[kind].distances(self.compiled(parameters), X[None])[0]
-        return distances
+        return THRESHOLDS[kind].distances(self.compiled(parameters), X[None])[0]
 
     def threshold(self, kind: str, X: Array, which: int, **parameters: float) -> tuple[float, Array]:
         """Return one entry of `threshold_distances`, and its derivative in the motion, rows (m, 2K - 1)."""
@@ -193,8 +191,7 @@ class PeriodicMotions(HarmonicEquations):
         Omega = np.array([parameters.pop("Omega")])
         evaluator = restricted.compiled(parameters)
         extended = motion.with_driven_harmonics(evaluator, X[None], Omega)
-        mu: ComplexArray = floquet_multipliers(evaluator, extended, Omega, points=points, max_step=max_step)[0]
-        return mu
+        return floquet_multipliers(evaluator, extended, Omega, points=points, max_step=max_step)[0]
 
     # ---- curves
 

@@ -196,5 +196,4 @@ def largest_amplitudes(problem: Any, curve: Branch) -> Array:
         motions.append(with_driven_harmonics(problem.compiled(parameters), X[None], np.array([parameters["Omega"]]))[0])
     rows = np.array(motions).reshape(len(motions), problem.m, -1)
     cosine, sine = (rows[..., 2 * problem.nu - offset :: 2 * problem.nu] for offset in (1, 0))
-    amplitudes: Array = np.hypot(cosine, sine).max(axis=(0, 1))
-    return amplitudes
+    return np.hypot(cosine, sine).max(axis=(0, 1))

@@ -360,8 +360,7 @@ def exponent_at(
     X, tracked = problem.split(point.X)
     equations = problem if near is None else type(problem)(problem.problem, problem.parameter, near)
     try:
-        s: complex = equations.exponent(X, **{**fixed, **tracked, name: point.value})
-        return s
+        return equations.exponent(X, **{**fixed, **tracked, name: point.value})
     except SEARCH_ERRORS:
         return None
 

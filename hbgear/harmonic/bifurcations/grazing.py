@@ -48,8 +48,7 @@ class GrazingProblem(ThresholdProblem):  # numpydoc ignore=PR02
 
     def compiled(self, parameters: Mapping[str, float]) -> Locating | None:
         """Return the compiled locator of these equations; see `MinimallyAugmentedProblem.compiled`."""
-        out: Locating | None = self.problem.compiled_locator(self.parameter, parameters, self.which)
-        return out
+        return self.problem.compiled_locator(self.parameter, parameters, self.which)
 
     def following(self, rows: Array, slope: Array) -> Array:
         """Return the constant and the scale of the element that grazes; see `ThresholdProblem.following`.

@@ -17,8 +17,7 @@ from hbgear.harmonic.multipliers.multiplier_error import is_complex
 
 def multipliers_of(points: Sequence[CurvePoint]) -> ComplexArray | None:
     """Return multipliers (points, r), if any are known."""
-    mu: ComplexArray | None = monitored_values(points, "multipliers")
-    return mu
+    return monitored_values(points, "multipliers")
 
 
 def multipliers_at(segment: Segment, point: CurvePoint) -> ComplexArray:
@@ -31,32 +30,27 @@ def computed_multipliers(segment: Segment, point: CurvePoint) -> ComplexArray:
     """Return the multipliers of a point with the harmonics of the curve; known ones may have been refined."""
     values = segment.parameters_at(point.value)
     problem: Any = segment.problem  # a HarmonicBalance, whose events these are
-    computed: ComplexArray = problem.multipliers(point.X, points=8, max_step=1.0, **values)
-    return computed
+    return problem.multipliers(point.X, points=8, max_step=1.0, **values)
 
 
 def count_unstable(mu: ComplexArray) -> np.ndarray:
     """Return the number of unstable multipliers of sets (P, r)."""
-    number: np.ndarray = (np.abs(mu) > 1 + STABILITY_TOLERANCE).sum(axis=1)
-    return number
+    return (np.abs(mu) > 1 + STABILITY_TOLERANCE).sum(axis=1)
 
 
 def complex_multipliers(mu: ComplexArray) -> ComplexArray:
     """Return the multipliers that are not real."""
-    complex_pairs: ComplexArray = mu[is_complex(mu)]
-    return complex_pairs
+    return mu[is_complex(mu)]
 
 
 def negative_real(mu: ComplexArray) -> ComplexArray:
     """Return the multipliers on the negative real axis, and zero in the place of others."""
-    out: ComplexArray = np.where(~is_complex(mu) & (mu.real < 0), mu, 0.0)
-    return out
+    return np.where(~is_complex(mu) & (mu.real < 0), mu, 0.0)
 
 
 def without_negative_real(mu: ComplexArray) -> ComplexArray:
     """Return the multipliers with zero in the place of those on the negative real axis."""
-    out: ComplexArray = np.where(is_complex(mu) | (mu.real > 0), mu, 0.0)
-    return out
+    return np.where(is_complex(mu) | (mu.real > 0), mu, 0.0)
 
 
 def unstable_complex_counts(ends: ComplexArray) -> tuple[int, int]:

@@ -241,8 +241,7 @@ class NeimarkSackerEvent(BuiltInEvent):
         if mu is None:
             return np.zeros(len(points) - 1, dtype=bool)
         unstable = count_unstable(mu)
-        pairs: np.ndarray = (np.abs(unstable[1:] - unstable[:-1]) + 1) // 2
-        return pairs
+        return (np.abs(unstable[1:] - unstable[:-1]) + 1) // 2
 
     def find(self, segment: Segment) -> list[LocatedEvent]:
         """Locate pairs where more multipliers pass than folds, branch points and period doublings explain."""

@@ -327,8 +327,7 @@ class PairModulusProblem(MinimallyAugmentedProblem):
         )  # fmt: skip
 
     def _multipliers(self, X: Array, parameters: dict[str, float]) -> ComplexArray:
-        mu: ComplexArray = self.problem.multipliers(X, points=8, max_step=1.0, **parameters)
-        return mu
+        return self.problem.multipliers(X, points=8, max_step=1.0, **parameters)
 
 
 MIN_CORRECTION = 1e-13
@@ -403,5 +402,4 @@ def _exponent(
 
 def _unit(v: ComplexArray) -> ComplexArray:
     """Return a vector of unit norm."""
-    out: ComplexArray = v / norm(v)
-    return out
+    return v / norm(v)

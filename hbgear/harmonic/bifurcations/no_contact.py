@@ -66,8 +66,7 @@ def _free_means(problem: Any, X: Array, parameters: Mapping[str, float], kr: flo
     """Return the directions (m, f) of the means of the elements on which the balance does not depend at X."""
     J = problem.evaluate(X, **parameters)[1]
     _, s, vt = np.linalg.svd(J[:, problem.means], full_matrices=False)
-    out: Array = vt[s <= MAX_RELATIVE_MEAN_STIFFNESS * kr].T
-    return out
+    return vt[s <= MAX_RELATIVE_MEAN_STIFFNESS * kr].T
 
 
 def _middle(breakpoints: tuple[float, ...], row: Array) -> float:

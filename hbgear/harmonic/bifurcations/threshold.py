@@ -77,13 +77,11 @@ class ThresholdProblem(MinimallyAugmentedProblem):
 
     def threshold(self, X: Array, number: int, parameters: Mapping[str, float]) -> tuple[float, Array]:
         """Return the distance g of a motion from a threshold, and its derivative in the elements, rows (m, 2K - 1)."""
-        out: tuple[float, Array] = self.problem.threshold(self.quantity, X, number, **parameters)
-        return out
+        return self.problem.threshold(self.quantity, X, number, **parameters)
 
     def distances(self, X: Array, parameters: Mapping[str, float]) -> Array:
         """Return the distances of a motion from all thresholds."""
-        out: Array = self.problem.threshold_distances(self.quantity, X, **parameters)
-        return out
+        return self.problem.threshold_distances(self.quantity, X, **parameters)
 
     def following(self, rows: Array, slope: Array) -> Array:
         """Return changes of a motion by which it can follow its thresholds, rows (D, m, 2K - 1); by default its scale.

@@ -76,8 +76,7 @@ def _change_of_gaps(family: Family, state: CurveState, direction: Array, H: int)
     for sign in (1, -1):
         shifted = state.with_z(state.z + sign * DIFFERENCE * direction)
         rows.append(coefficients(family(shifted.value), shifted.iterate, H)[0].ravel())
-    out: Array = (rows[0] - rows[1]) / (2 * DIFFERENCE)
-    return out
+    return (rows[0] - rows[1]) / (2 * DIFFERENCE)
 
 
 DIFFERENCE = 1e-5

@@ -60,15 +60,13 @@ def initial_state(problem: Any, name: str, parameters: Mapping[str, float], soft
         system, Omega = problem.compiled(parameters).system, float(parameters["Omega"])
         return CurveState.of(iterate_by_stiffness(balance, system, problem.nu, Omega), float(parameters[name]))
     coarse = problem.with_order(problem.nu, H)
-    state: CurveState = coarse.exact_state(coarse.balance.start(**parameters), name, parameters)
-    return state
+    return coarse.exact_state(coarse.balance.start(**parameters), name, parameters)
 
 
 def state_near(problem: Any, X: Array, name: str, parameters: Mapping[str, float]) -> CurveState:
     """Return the exact motion near coefficients; close to a fold or a cusp, which is singular, at a free Omega."""
     try:
-        state: CurveState = problem.exact_state(X, name, parameters)
-        return state
+        return problem.exact_state(X, name, parameters)
     except NoConvergence:
         if name != "Omega":
             raise

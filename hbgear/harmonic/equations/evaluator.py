@@ -209,8 +209,7 @@ class Evaluator:
     def flexibility_above(self, frequencies: Array) -> Array:
         """Return the flexibility (P, m) of the elements from modes above frequencies (P,)."""
         sizes, residual = self._flexibilities
-        out: Array = residual[np.searchsorted(sizes, frequencies, side="right")]
-        return out
+        return residual[np.searchsorted(sizes, frequencies, side="right")]
 
     @cached_property
     def _flexibilities(self) -> tuple[Array, Array]:
@@ -348,8 +347,7 @@ def writable(X: Array) -> Array:
     """Return a writable contiguous array; kernels would be compiled again for the type of read-only arrays."""
     if X.flags.carray and X.dtype == float:  # faster than the same check in `require`
         return X
-    out: Array = np.require(X, float, ("C", "W"))
-    return out
+    return np.require(X, float, ("C", "W"))
 
 
 def sampled_laws(evaluator: Evaluator) -> SampledLaws | None:

@@ -229,8 +229,7 @@ def _orders(function: Phased) -> list[int]:
 def _nonzero_orders(row: np.ndarray) -> list[int]:
     """Return the orders of a real row whose amplitudes are not zero."""
     size = np.hypot(row[1::2], row[2::2])
-    orders: list[int] = (1 + np.flatnonzero(size > _ZERO_AMPLITUDE_RATIO * np.abs(row).max(initial=0.0))).tolist()
-    return orders
+    return (1 + np.flatnonzero(size > _ZERO_AMPLITUDE_RATIO * np.abs(row).max(initial=0.0))).tolist()
 
 
 def _repetitions(function: Periodic) -> int:

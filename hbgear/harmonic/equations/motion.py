@@ -168,8 +168,7 @@ def _with_harmonics(evaluator: Evaluator, X: Array, truncated: Array) -> Array:
 def truncation_errors(evaluator: Evaluator, extended: Array) -> Array:
     """Return the rms (P,) of the truncated harmonics of motions, as of `with_driven_harmonics`."""
     truncated = extended.reshape(len(extended), evaluator.m, -1)[..., places(evaluator.packed.linear.truncated_orders)]
-    rms: Array = np.sqrt(0.5 * np.sum(truncated**2, axis=(1, 2)))
-    return rms
+    return np.sqrt(0.5 * np.sum(truncated**2, axis=(1, 2)))
 
 
 def truncation_error(evaluator: Evaluator, X: Array, Omega: float) -> float:

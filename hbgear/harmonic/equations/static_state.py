@@ -160,8 +160,7 @@ def _load_displacements(compiled: Evaluator, Omega: float) -> Array:
     sums, compatibility = structure.force_sums, structure.compatibility
     b = sums @ linear.g[0].real + compatibility @ compiled.receptance.e[0].real
     closed = sums @ (linear.Z[0].real + np.diag(compiled.structure.kr)) + compatibility
-    d: Array = np.linalg.lstsq(closed, -b, rcond=1e-12)[0]
-    return d
+    return np.linalg.lstsq(closed, -b, rcond=1e-12)[0]
 
 
 def _load_signs(compiled: Evaluator, Omega: float) -> Array:
@@ -217,6 +216,5 @@ def static_stiffness(compiled: Evaluator, Omega: float) -> Array | None:
             distance = _BREAKPOINT_DISTANCE * _characteristic_lengths(compiled, Omega)
             below, above = (_mean_force_and_stiffness(compiled, static.d + side * distance)[1] for side in (-1.0, 1.0))
             is_below = np.abs(np.diag(below)) <= np.abs(np.diag(above))
-            smaller: Array = np.where(is_below[:, None], below, above)
-            return smaller
+            return np.where(is_below[:, None], below, above)
     return None

@@ -288,8 +288,7 @@ def _nearest_level(evaluator: Evaluator, X: Array) -> float:
 def _above(evaluator: Evaluator, j: int, row: Array, contact: ToothContact, theta: Array, order: int = 0) -> Array:
     """Return the displacement of element j above the level of a contact, or a derivative, at basis phases theta."""
     nu = evaluator.nu
-    out: Array = evaluator.gap(j, row, theta, order) - nu**order * contact.level(nu * theta, order)
-    return out
+    return evaluator.gap(j, row, theta, order) - nu**order * contact.level(nu * theta, order)
 
 
 def _slope_samples(evaluator: Evaluator, j: int, row: Array) -> Array:
@@ -307,11 +306,9 @@ def _extrema(slope: Array, gap: Callable[..., Array]) -> Array:
     changes = np.flatnonzero((slope < 0) != (after < 0))
     theta = 2 * np.pi / len(slope) * (changes + slope[changes] / (slope[changes] - after[changes]))
     first, second = (gap(theta, order) for order in (1, 2))
-    out: Array = theta - first / np.where(second == 0, math.inf, second)
-    return out
+    return theta - first / np.where(second == 0, math.inf, second)
 
 
 def _corners(contact: ToothContact, nu: int) -> Array:
     """Return the basis phases of the breakpoints of a contact."""
-    out: Array = (np.array(contact.phases) + 2 * np.pi * np.arange(nu)[:, None]).ravel() / nu
-    return out
+    return (np.array(contact.phases) + 2 * np.pi * np.arange(nu)[:, None]).ravel() / nu

@@ -278,8 +278,7 @@ def edge_crossings(law: VectorLaw, rows: Array, samples: Array) -> Array:
 
 def _edge_at(law: VectorLaw, rows: Array, index: int, theta: Array) -> Array:
     """Return an edge of a law at angles of any shape."""
-    values: Array = law.edges(evaluate(rows, theta))[index].reshape(theta.shape)
-    return values
+    return law.edges(evaluate(rows, theta))[index].reshape(theta.shape)
 
 
 def _turning_point(edge: Callable[[Array], Array], low: float, high: float, sign: float) -> float | None:
@@ -305,8 +304,7 @@ def _roots(edge: Callable[[Array], Array], low: Array, high: Array) -> Array:
         first = np.argmax((values[:, 1:] < 0) != (values[:, :1] < 0), axis=1)
         low, high = theta[index, first], theta[index, first + 1]
     a, b = values[index, first], values[index, first + 1]
-    roots: Array = low + (high - low) * np.divide(a, a - b, out=np.zeros_like(a), where=a != b)
-    return roots
+    return low + (high - low) * np.divide(a, a - b, out=np.zeros_like(a), where=a != b)
 
 
 def _between_phases(phases: Sequence[float], nu: int, N: int) -> Panels:
@@ -385,8 +383,7 @@ class Panels:
         if not self.theta.size:  # the force is zero everywhere
             return np.zeros((3, order + 1), dtype=complex)
         w = self.waves(max(order, len(c) - 1))[:, : order + 1]
-        out: ComplexArray = ((0.5 * self.weights * self.forces(law, c, rate)) @ w).conj()
-        return out
+        return ((0.5 * self.weights * self.forces(law, c, rate)) @ w).conj()
 
     def forces(self, law: Law, c: ComplexArray, rate: ComplexArray) -> Array:
         """Return p, dp/dd and dp/dv of a law (3, Q) at the points; see `spectra`."""

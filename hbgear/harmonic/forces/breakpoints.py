@@ -267,8 +267,7 @@ def known_gap(displacement: Phased, retained: ComplexArray, nu: int, theta: Arra
     It is the prescribed displacement e up to harmonic H, with one-sided harmonics ``retained`` (H + 1,), minus e.
     """
     low_part = evaluate(to_real(retained), theta, order)
-    out: Array = low_part - nu**order * displacement(nu * theta, order)
-    return out
+    return low_part - nu**order * displacement(nu * theta, order)
 
 
 def gap(displacement: Phased, retained: ComplexArray, nu: int, row: Array, theta: Array, order: int = 0) -> Array:

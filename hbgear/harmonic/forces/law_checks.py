@@ -135,8 +135,7 @@ def _vector_differences(law: VectorLaw, state: Array, tau: Array, axis: int, h: 
         above[axis, j] += h
         below[axis, j] -= h
         columns.append((law.force(above[0], above[1], tau)[0] - law.force(below[0], below[1], tau)[0]) / (2 * h))
-    out: Array = np.stack(columns, axis=1)
-    return out
+    return np.stack(columns, axis=1)
 
 
 _MAX_COORDINATES_CHECKED = 300
@@ -257,8 +256,7 @@ def _difference(law: Law, state: Sequence[Array], axis: int, h: float) -> Array:
     shift = [h if i == axis else 0.0 for i in range(2)]
     d, v, tau = state
     above, below = (evaluate_force(law, d + side * shift[0], v + side * shift[1], tau)[0] for side in (1, -1))
-    slope: Array = (above - below) / (2 * h)
-    return slope
+    return (above - below) / (2 * h)
 
 
 def _state_text(d: float, v: float, tau: float) -> str:

@@ -260,8 +260,7 @@ class EquationsAt:
     @cached_property
     def input(self) -> Array:
         """Derivatives (r, m) of the state by the forces of the elements."""
-        derivatives: Array = self.structure.input @ self.structure.W / self.Omega
-        return derivatives
+        return self.structure.input @ self.structure.W / self.Omega
 
     @property
     def period(self) -> float:
@@ -270,8 +269,7 @@ class EquationsAt:
 
     def extended(self, x: Array, tau: float, section: int) -> Array:
         """Return y = (x, c)."""
-        y: Array = self.extended_states(x[None], np.array([tau]), [section])[0]
-        return y
+        return self.extended_states(x[None], np.array([tau]), [section])[0]
 
     def extended_states(self, x: Array, tau: Array, sections: Sequence[int]) -> Array:
         """Return y (K, N) of states x (K, r) at phases tau (K,), each in its section."""
@@ -378,15 +376,13 @@ class EquationsAt:
                 f[:, column + 1] -= amplitude.imag
         rates = self.Omega * equations.displacements(section) @ equations.generator
         f += (structure.W * structure.damping) @ rates
-        forced: Array = structure.input @ f / self.Omega
-        return forced
+        return structure.input @ f / self.Omega
 
     def state(self, rows: Array, tau: float) -> Array:
         """Return the state x of a motion with real Fourier coefficients ``rows`` (n, 2H + 1) of all coordinates."""
         theta = tau / self.equations.nu
         velocity = self.Omega / self.equations.nu * evaluate(to_real(derive(to_complex(rows))), theta)[:, 0]
-        x: Array = self.structure.reduce @ np.concatenate([evaluate(rows, theta)[:, 0], velocity])
-        return x
+        return self.structure.reduce @ np.concatenate([evaluate(rows, theta)[:, 0], velocity])
 
 
 def _require_piecewise_linear(system: System) -> None:

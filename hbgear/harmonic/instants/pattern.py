@@ -111,8 +111,7 @@ class Pattern:
     @cached_property
     def columns(self) -> Array:
         """Number (K,) of the phase of each switch among the unknown phases; -1 where it is prescribed."""
-        out: Array = np.where(self.free, np.cumsum(self.free) - 1, -1)
-        return out
+        return np.where(self.free, np.cumsum(self.free) - 1, -1)
 
     @cached_property
     def divisible_visits(self) -> Array:

@@ -30,11 +30,9 @@ MAX_STEP_NORM = 2.0
 def growth(flow: Flow, tau: float, h: float) -> Array:
     """Return Z (N, N) with y(tau + h) = (1 + Z) y(tau); Z keeps its accuracy in short segments."""
     if not flow.stiffness:
-        Z: Array = kernels.constant_segments(flow.A[None], np.array([float(h)]), np.zeros((1, len(flow.A))))[0][0]
-        return Z
+        return kernels.constant_segments(flow.A[None], np.array([float(h)]), np.zeros((1, len(flow.A))))[0][0]
     steps = taylor_steps(flow, h)
-    series: Array = kernels.taylor_growth(flow.A, flow.b, flow.r, _stiffness_series(flow, tau, h, steps), h / steps)
-    return series
+    return kernels.taylor_growth(flow.A, flow.b, flow.r, _stiffness_series(flow, tau, h, steps), h / steps)
 
 
 def taylor_steps(flow: Flow, h: float) -> int:
@@ -49,8 +47,7 @@ def varying_states(flow: Flow, tau: float, h: float, steps: int, y: Array, offse
     y (N,) is the state at the begin; offsets (G,) are the positions of the nodes in a step, 0 to 1.
     """
     kappa = _stiffness_series(flow, tau, h, steps)
-    states: Array = kernels.taylor_states(flow.A, flow.b, flow.r, kappa, h / steps, y, offsets)
-    return states
+    return kernels.taylor_states(flow.A, flow.b, flow.r, kappa, h / steps, y, offsets)
 
 
 def _stiffness_series(flow: Flow, tau: float, h: float, steps: int) -> Array:
@@ -97,8 +94,7 @@ def _taylor_coefficients(stiffness: Phased, tau: Array, h: float) -> Array:
     c: ComplexArray = to_complex(stiffness.row())
     rotated = c * np.exp(1j * np.multiply.outer(tau, np.arange(len(c))))
     powers = (1j * h * np.arange(len(c)))[None, :] ** np.arange(TAYLOR_ORDER + 1)[:, None]
-    series: Array = (rotated @ powers.T).real / np.array([math.factorial(n) for n in range(TAYLOR_ORDER + 1)], float)
-    return series
+    return (rotated @ powers.T).real / np.array([math.factorial(n) for n in range(TAYLOR_ORDER + 1)], float)
 
 
 def rates(flow: Flow, tau: float | Array, y: Array) -> Array:

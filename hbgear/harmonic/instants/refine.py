@@ -306,8 +306,7 @@ def state_at(ode: EquationsAt, iterate: Iterate, tau: float) -> Array:
     i = int(np.searchsorted(iterate.tau, tau, side="right")) - 1
     contacts, start = iterate.pattern.contacts[i], float(iterate.tau[i])
     y = ode.extended(iterate.x[i], start, contacts.section)
-    x: Array = (y + growth(ode.flow(contacts), start, tau - start) @ y)[: ode.size]
-    return x
+    return (y + growth(ode.flow(contacts), start, tau - start) @ y)[: ode.size]
 
 
 def exact_motion_of(ode: EquationsAt, iterate: Iterate, samples: Samples, distance: float) -> ExactMotion:

@@ -58,8 +58,7 @@ class Iterate:
     def visit_durations(self, visits: Sequence[Visit], period: float) -> Array:
         """Return the durations of visits (i, j) from switch i to switch j."""
         i, j = np.array(visits, dtype=np.int64).reshape(-1, 2).T
-        out: Array = self.tau[j] - self.tau[i] + period * (j < i)
-        return out
+        return self.tau[j] - self.tau[i] + period * (j < i)
 
     def without(self, visits: Sequence[Visit]) -> Iterate:
         """Return the iterate without some visits; without switches, it begins after the last one of them."""

@@ -27,7 +27,7 @@ def model_of(branch: Branch) -> Model | None:
     """Return the model of a branch, from its problem or from its file header; None if it is unknown."""
     model = getattr(branch.problem, "model", None)
     if model is not None:
-        return model  # type: ignore[no-any-return]
+        return model
     try:
         return model_registry.rebuild_model(branch.meta.get("model", {}))
     except (KeyError, TypeError, ValueError):

@@ -297,24 +297,21 @@ def _eigenvalues(A: Array) -> ComplexArray:
     scaled = A / scale[:, None, None] if (scale > 1.0).any() else A
     mu = _eigenvalues_2x2(scaled) if A.shape[1] == 2 else np.linalg.eigvals(scaled)
     smallest = EIGENVALUE_ROUNDING * A.shape[1] * size / scale
-    out: ComplexArray = np.where(np.abs(mu) > smallest[:, None], mu, 0.0) * scale[:, None]
-    return out
+    return np.where(np.abs(mu) > smallest[:, None], mu, 0.0) * scale[:, None]
 
 
 def _eigenvalues_2x2(A: Array) -> ComplexArray:
     """Return the eigenvalues (P, 2) of real matrices (P, 2, 2) by the quadratic formula."""
     mean, half_difference = 0.5 * (A[:, 0, 0] + A[:, 1, 1]), 0.5 * (A[:, 0, 0] - A[:, 1, 1])
     root = np.sqrt(half_difference * half_difference + A[:, 0, 1] * A[:, 1, 0] + 0j)
-    out: ComplexArray = mean[:, None] + root[:, None] * [1.0, -1.0]
-    return out
+    return mean[:, None] + root[:, None] * [1.0, -1.0]
 
 
 def _move_identically(compiled: Evaluator, modes: ModalBlocks, X: Array) -> np.ndarray:
     """Return whether identical elements move identically in each motion (P,)."""
     rows = X.reshape(len(X), compiled.m, -1)
     difference = np.abs(rows - rows[:, modes.groups]).max(axis=(1, 2))
-    identical: np.ndarray = difference <= IDENTICAL_MOTION_TOLERANCE * np.abs(rows).max(axis=(1, 2))
-    return identical
+    return difference <= IDENTICAL_MOTION_TOLERANCE * np.abs(rows).max(axis=(1, 2))
 
 
 def monodromies(

@@ -291,8 +291,7 @@ def _cubic_remainder(f: Array, x: Array) -> Array:
     for k in range(1, 4):
         f = np.diff(f, axis=-1) / (x[:, k:] - x[:, :-k])
     weight = 0.25 * (x[:, 2] - x[:, 1]) ** 2 * np.maximum(x[:, 2] - x[:, 0], x[:, 3] - x[:, 1])
-    remainder: Array = np.abs(f[..., 0]) * weight
-    return remainder
+    return np.abs(f[..., 0]) * weight
 
 
 def _parabola_minimum(f: Array) -> Array:
@@ -301,8 +300,7 @@ def _parabola_minimum(f: Array) -> Array:
     before, middle, after = (np.take_along_axis(f, i + k, axis=-1)[..., 0] for k in (-1, 0, 1))
     curvature = before - 2 * middle + after
     offset = np.clip(0.5 * (before - after) / np.where(curvature > 0, curvature, np.inf), -1.0, 1.0)
-    lowest: Array = middle + 0.5 * offset * (after - before) + 0.5 * offset**2 * curvature
-    return lowest
+    return middle + 0.5 * offset * (after - before) + 0.5 * offset**2 * curvature
 
 
 def _in_upper_half_plane(mu: ComplexArray) -> np.ndarray:
@@ -344,10 +342,9 @@ def _may_collide(mu: ComplexArray) -> np.ndarray:
     change = np.pad(change, 1, mode="edge")
     change = np.maximum(np.maximum(change[:-2], change[2:]), change[1:-1])  # also on the neighbouring segments
     gap = np.abs(1 - np.where(leading, size, np.inf)).min(axis=1)
-    out: np.ndarray = (
+    return (
         (nearest < COLLISION_DISTANCE_RATIO * change) & (np.minimum(gap[1:], gap[:-1]) < nearest) & np.isfinite(nearest)
     )
-    return out
 
 
 def _groups(size: Array) -> np.ndarray:
@@ -375,8 +372,7 @@ def _interpolated_multipliers(mu: ComplexArray, x: Array, segments: np.ndarray, 
     companion = np.zeros((len(segments), len(INTERPOLATION_FRACTIONS), k, k))
     companion[:, :, 0] = -(_weights(x, segments, points, INTERPOLATION_FRACTIONS) @ c.real[points])[:, :, 1:]
     companion[:, :, 1:, :-1] = np.eye(k - 1)
-    roots: ComplexArray = np.linalg.eigvals(companion)
-    return roots
+    return np.linalg.eigvals(companion)
 
 
 def _weights(x: Array, segments: np.ndarray, points: np.ndarray, fractions: Array) -> Array:

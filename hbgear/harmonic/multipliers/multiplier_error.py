@@ -70,14 +70,12 @@ def count_beyond(multipliers: ComplexArray, margin: float = 0.0) -> NDArray[np.i
     """
     outside, real = np.abs(multipliers) > 1.0 + margin, ~is_complex(multipliers)
     kinds = (outside & real & (multipliers.real > 0), outside & real & (multipliers.real < 0), outside & ~real)
-    counts: NDArray[np.int_] = np.stack([np.count_nonzero(kind, axis=-1) for kind in kinds], axis=-1)
-    return counts
+    return np.stack([np.count_nonzero(kind, axis=-1) for kind in kinds], axis=-1)
 
 
 def is_complex(multipliers: ComplexArray) -> NDArray[np.bool_]:
     """Return whether multipliers are not real, up to rounding."""
-    out: NDArray[np.bool_] = np.abs(multipliers.imag) > REAL_TOLERANCE * np.abs(multipliers)
-    return out
+    return np.abs(multipliers.imag) > REAL_TOLERANCE * np.abs(multipliers)
 
 
 def difference_of(mu: ComplexArray, less_accurate: ComplexArray) -> Difference:
@@ -120,8 +118,7 @@ def estimate_multiplier_error(mu: ComplexArray, difference: Difference) -> Array
     largest = size.max(axis=1, initial=0.0)
     high = np.where(decisive, size + x, 0.0).max(axis=1, initial=0.0)
     low = np.where(decisive, size - x, 0.0).max(axis=1, initial=0.0)
-    errors: Array = np.where(largest > 1.0, largest - low, high - largest)
-    return errors
+    return np.where(largest > 1.0, largest - low, high - largest)
 
 
 def min_deciding_residual(mu: ComplexArray) -> Array:
@@ -135,8 +132,7 @@ def min_deciding_residual(mu: ComplexArray) -> Array:
     outside = np.abs(mu) > 1.0
     inner = np.where(_decisive(mu), needed, np.inf).min(axis=1, initial=np.inf)
     outer = np.where(outside, needed, 0.0).max(axis=1, initial=0.0)
-    smallest: Array = np.where(outside.any(axis=1), outer, inner)
-    return smallest
+    return np.where(outside.any(axis=1), outer, inner)
 
 
 def largest_shift(residual: Any, distance: Any) -> Array:
@@ -144,8 +140,7 @@ def largest_shift(residual: Any, distance: Any) -> Array:
     square = np.square(distance) - 4.0 * residual
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         small_root = 2.0 * residual / (distance + np.sqrt(np.maximum(square, 0.0)))
-    x: Array = np.where(square > 0.0, small_root, np.sqrt(residual))
-    return x
+    return np.where(square > 0.0, small_root, np.sqrt(residual))
 
 
 def distance_of_neighbours(mu: ComplexArray) -> Array:
@@ -155,20 +150,15 @@ def distance_of_neighbours(mu: ComplexArray) -> Array:
         return np.ones(mu.shape)
     distances = np.abs(mu[:, :, None] - mu[:, None, :])
     distances[:, np.arange(r), np.arange(r)] = np.inf
-    distance: Array = distances.min(axis=2)
-    return distance
+    return distances.min(axis=2)
 
 
 def _limited(mu: ComplexArray) -> ComplexArray:
     """Return multipliers with limited moduli, whose products do not overflow."""
-    limited: ComplexArray = mu / np.maximum(np.abs(mu) / MAX_MODULUS, 1.0)
-    return limited
+    return mu / np.maximum(np.abs(mu) / MAX_MODULUS, 1.0)
 
 
 def _decisive(mu: ComplexArray) -> NDArray[np.bool_]:
     """Return which multipliers of sets (k, r) may decide stability: all that are not far within the unit circle."""
     size = np.abs(mu)
-    out: NDArray[np.bool_] = size >= MIN_DECISIVE_MODULUS * np.minimum(
-        size.max(axis=1, keepdims=True, initial=0.0), 1.0
-    )
-    return out
+    return size >= MIN_DECISIVE_MODULUS * np.minimum(size.max(axis=1, keepdims=True, initial=0.0), 1.0)

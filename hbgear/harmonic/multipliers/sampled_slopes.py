@@ -108,8 +108,7 @@ class SampledSlopes:
     def samples(self, c: ComplexArray) -> ComplexArray:
         """Return samples (L, N) of functions with the coefficients c (L, 2H + 1) of e^{i k theta}, k = -H..H."""
         k, N = np.arange(c.shape[1]) - c.shape[1] // 2, len(self._tau)
-        out: ComplexArray = c @ np.exp(2j * np.pi / N * (k[:, None] * np.arange(N) % N))
-        return out
+        return c @ np.exp(2j * np.pi / N * (k[:, None] * np.arange(N) % N))
 
 
 _STEP = 1e-5

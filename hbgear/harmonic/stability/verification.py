@@ -164,16 +164,14 @@ def _estimate_errors(
 
 def _samples(rows: np.ndarray) -> np.ndarray:
     """Return the first and the last of some points, and one in eight or more between them."""
-    picked: np.ndarray = rows[np.linspace(0, len(rows) - 1, -(-(len(rows) - 1) // SAMPLING_INTERVAL) + 1).astype(int)]
-    return picked
+    return rows[np.linspace(0, len(rows) - 1, -(-(len(rows) - 1) // SAMPLING_INTERVAL) + 1).astype(int)]
 
 
 def _nearby_sensitivity(rows: np.ndarray, samples: np.ndarray, sensitive: Array) -> Array:
     """Return the largest sensitivities (..., k) of the two samples on either side of each point."""
     padded = np.concatenate([sensitive[..., :1], sensitive, sensitive[..., -1:], sensitive[..., -1:]], axis=-1)
     largest = np.max([padded[..., i : i + len(samples)] for i in range(4)], axis=0)
-    around: Array = largest[..., np.searchsorted(samples, rows, side="right") - 1]
-    return around
+    return largest[..., np.searchsorted(samples, rows, side="right") - 1]
 
 
 def _shortest_intervals(problem: Any, X: Array, regime: np.ndarray, parameters: dict[str, float]) -> Array:

@@ -136,8 +136,7 @@ def _null_space(A: Array, threshold: float | None = None) -> Array:
     _, s, vt = np.linalg.svd(A)
     largest = s.max(initial=0.0)
     rank = int(np.sum(s > (_FREE_MOTION_TOLERANCE * largest if threshold is None else threshold))) if largest > 0 else 0
-    null: Array = vt[rank:].T
-    return null
+    return vt[rank:].T
 
 
 class LinearStructure:
@@ -370,8 +369,7 @@ class LinearStructure:
         measured = (C @ free) * self._scale[:, None] / (np.abs(C) * np.outer(self._scale, self._scale)).max()
         _, s, vt = scipy.linalg.svd(measured / np.linalg.norm(free / self._scale[:, None], axis=0))
         is_damped = np.concatenate([s, np.zeros(vt.shape[0] - s.size)]) > 1e-9
-        undamped: Array = free @ vt[~is_damped].T
-        return undamped
+        return free @ vt[~is_damped].T
 
     def solve(self, w: float, rhs: ComplexArray) -> ComplexArray:
         """Return D(w)^-1 rhs; at w = 0 the solution without free motion."""

@@ -60,8 +60,7 @@ class MeasuredStructure(LinearStructure):
         return D, dD
 
     def solve(self, w: float, rhs: ComplexArray) -> ComplexArray:
-        x: ComplexArray = scipy.linalg.solve(self._stiffness(w)[0], rhs)
-        return x
+        return scipy.linalg.solve(self._stiffness(w)[0], rhs)
 
     def solve_all(self, w: Array, F: ComplexArray) -> ComplexArray:
         return np.array([self.solve(wk, Fk) for wk, Fk in zip(w.tolist(), F, strict=True)])

@@ -183,8 +183,7 @@ def _blocks(is_coupled: np.ndarray) -> np.ndarray:
     """Return the block number of each of m ports, from whether two of them are coupled (m, m)."""
     if is_coupled.all():
         return np.zeros(len(is_coupled), dtype=int)
-    blocks: np.ndarray = scipy.sparse.csgraph.connected_components(is_coupled)[1]
-    return blocks
+    return scipy.sparse.csgraph.connected_components(is_coupled)[1]
 
 
 def _lumped(
@@ -254,8 +253,7 @@ def _lumped_block(g: Array, highest: float) -> tuple[ComplexArray, ComplexArray,
 
 def mobility_of(poles: ComplexArray, output: ComplexArray, input_: ComplexArray) -> Array:
     """Return the inverse modal masses (m,) of the elements: the initial acceleration by a unit force at the element."""
-    mobility: Array = np.abs((output * poles * input_.T).sum(axis=1))
-    return mobility
+    return np.abs((output * poles * input_.T).sum(axis=1))
 
 
 def halves(poles: ComplexArray) -> tuple[np.ndarray, np.ndarray]:

@@ -57,14 +57,12 @@ class LinearPart(NamedTuple):
     @property
     def Z(self) -> ComplexArray:
         """Dynamic stiffness (K+1, m, m)."""
-        M: Array = self.matrices[0]
-        return M
+        return self.matrices[0]
 
     @property
     def g(self) -> ComplexArray:
         """Constant terms (K+1, m)."""
-        C: Array = self.constants[0]
-        return C
+        return self.constants[0]
 
 
 class _LoadPart(NamedTuple):

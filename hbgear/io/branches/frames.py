@@ -139,8 +139,7 @@ def to_xarray(branch: Branch) -> xarray.Dataset:
         )  # fmt: skip
     for name, value in branch.fixed.items():
         data[name] = ((), value, _attributes(*_words(label_of(branch, name))))
-    dataset: xarray.Dataset = xr.Dataset(data, coords, about(branch))
-    return dataset
+    return xr.Dataset(data, coords, about(branch))
 
 
 def _words(label: str) -> tuple[str, str]:

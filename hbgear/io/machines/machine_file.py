@@ -147,8 +147,7 @@ def read_machine(path: str | os.PathLike[str]) -> Machine:
     >>> machine.torque, machine.pair.wheel.teeth
     (200.0, 40)
     """
-    machine: Machine = read_checked(path, "a machine", _schema(), _machine)
-    return machine
+    return read_checked(path, "a machine", _schema(), _machine)
 
 
 def _machine(data: Mapping[str, Any], folder: Path, problems: Problems) -> Machine | None:

@@ -81,8 +81,7 @@ def read_structure(path: str | os.PathLike[str]) -> System:
     >>> system.n, len(system.elements)
     (2, 1)
     """
-    system: System = read_checked(path, "a structure", _schema(), _system)
-    return system
+    return read_checked(path, "a structure", _schema(), _system)
 
 
 @defer_signals()  # pydantic panics on Ctrl-C while it creates a model
@@ -152,7 +151,7 @@ def _system(data: Mapping[str, Any], folder: Path, problems: Problems) -> System
         return None
     laws = [(entry["law"], _law_keys(entry)) for entry in data["element"]]
     if len(laws) != len(elements):  # the elements of a law of several displacements share its numbers
-        return system  # type: ignore[no-any-return]
+        return system
     return SystemOfLaws(**{field.name: getattr(system, field.name) for field in fields(System)}, laws=laws)
 
 

@@ -82,8 +82,7 @@ def read_train(path: str | os.PathLike[str]) -> Train | EpicyclicSet:
     TomlFileError is raised if the file cannot be read, a key, type, unit or value is wrong, or the gears cannot be
     made or do not mesh.
     """
-    train: Train | EpicyclicSet = read_checked(path, "a train", _schema(), _train)
-    return train
+    return read_checked(path, "a train", _schema(), _train)
 
 
 @defer_signals()  # pydantic panics on Ctrl-C while it creates a model
@@ -155,7 +154,7 @@ def _train(data: Mapping[str, Any], folder: Path, problems: Problems) -> Train |
     options = {name: data[name] for name in ("balance", "gyroscopic") if name in data}
     values = {"wheels": wheels, "meshes": meshes, "shafts": shafts, "bearings": bearings, "beams": beams,
               "housing": housing, **options}  # fmt: skip
-    return constructed(problems, ("mesh", 0), Train, values)  # type: ignore[no-any-return]
+    return constructed(problems, ("mesh", 0), Train, values)
 
 
 def _with_torques(
@@ -194,7 +193,7 @@ def _epicyclic(
                 problems.append((("epicyclic", name), bare(error)))
     if problems:
         return None
-    return constructed(problems, ("epicyclic",), EpicyclicSet, {"wheels": wheels, "meshes": meshes, **fields})  # type: ignore[no-any-return]
+    return constructed(problems, ("epicyclic",), EpicyclicSet, {"wheels": wheels, "meshes": meshes, **fields})
 
 
 def _wheel(key_path: KeyPath, table: Mapping[str, Any], gears: dict[str, Gear], problems: Problems) -> Wheel | None:
@@ -204,12 +203,12 @@ def _wheel(key_path: KeyPath, table: Mapping[str, Any], gears: dict[str, Gear], 
         if "inertia" not in fields:
             problems.append((key_path, f"wheel '{fields['name']}' needs its inertia, or a gear that determines it"))
             return None
-        return constructed(problems, key_path, Wheel, fields)  # type: ignore[no-any-return]
+        return constructed(problems, key_path, Wheel, fields)
     gear = constructed(problems, (*key_path, "gear"), Gear, table["gear"])
     if gear is None:
         return None
     gears[fields["name"]] = gear
-    return constructed(problems, key_path, Wheel, fields, lambda **values: Wheel.of(gear=gear, **values))  # type: ignore[no-any-return]
+    return constructed(problems, key_path, Wheel, fields, lambda **values: Wheel.of(gear=gear, **values))
 
 
 def _bearing(key_path: KeyPath, table: Mapping[str, Any], problems: Problems) -> Bearing | None:
@@ -223,7 +222,7 @@ def _bearing(key_path: KeyPath, table: Mapping[str, Any], problems: Problems) ->
             except ValueError as error:
                 problems.append(((*key_path, name), bare(error)))
                 return None
-    return constructed(problems, key_path, Bearing, fields)  # type: ignore[no-any-return]
+    return constructed(problems, key_path, Bearing, fields)
 
 
 def _housing(table: Mapping[str, Any], folder: Path, problems: Problems) -> Housing | None:
@@ -255,7 +254,7 @@ def _mesh(key_path: KeyPath, table: Mapping[str, Any], gears: Mapping[str, Gear]
         if "k_mean" not in fields:
             problems.append((key_path, "a mesh needs its k_mean, or pair and torque, which determine it"))
             return None
-        return constructed(problems, key_path, Mesh, fields)  # type: ignore[no-any-return]
+        return constructed(problems, key_path, Mesh, fields)
     missing = [name for name in (fields["first"], fields["second"]) if name not in gears]
     if missing or "torque" not in table:
         need = f"a wheel '{missing[0]}' with a gear" if missing else "the torque on the first wheel"
@@ -265,7 +264,7 @@ def _mesh(key_path: KeyPath, table: Mapping[str, Any], gears: Mapping[str, Gear]
     pair = constructed(problems, (*key_path, "pair"), GearPair, {**gears_of_pair, **table.get("pair", {})})
     if pair is None:
         return None
-    return constructed(  # type: ignore[no-any-return]
+    return constructed(
         problems, key_path, Mesh, fields,
         lambda **values: Mesh.of(pair=pair, torque=table["torque"], mesh=table.get("mesh_model"),
                                 friction=table.get("friction", 0.0), **values),

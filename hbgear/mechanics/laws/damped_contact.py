@@ -76,5 +76,4 @@ class DampedContact:  # numpydoc ignore=PR02
             Whether delta > 0 and, if the force is clipped, k delta + c delta' > 0.
         """
         depth, force = self.state(d, v)
-        active: np.ndarray = (depth > 0) & ((force > 0) | (not self.clipped))
-        return active
+        return (depth > 0) & ((force > 0) | (not self.clipped))

@@ -465,8 +465,7 @@ def _cubics_at(tau: Array, starts: Array, rows: Array) -> Array:
     phase = np.mod(tau, TURN)
     piece = np.searchsorted(starts, phase, side="right") - 1
     x, c = (phase - starts[piece])[..., None, None], rows[piece]
-    values: Array = c[..., 0] + x * (c[..., 1] + x * (c[..., 2] + x * c[..., 3]))
-    return values
+    return c[..., 0] + x * (c[..., 1] + x * (c[..., 2] + x * c[..., 3]))
 
 
 def _union(beginnings: Sequence[Array]) -> Array:

@@ -178,8 +178,7 @@ def limit_at(limit: FrictionLimit, d: Array | None, tau: Array) -> Array:
     if d is None or limit.normal < 0:
         return limit.base[0] + limit.wave(tau)
     zone = np.searchsorted(np.array(limit.level), d)
-    limits: Array = np.array(limit.gain)[zone] * d + np.array(limit.base)[zone]
-    return limits
+    return np.array(limit.gain)[zone] * d + np.array(limit.base)[zone]
 
 
 def first_loading(slider: Slider, d: Array, limit: float) -> tuple[Array, Array]:
@@ -205,5 +204,4 @@ def steady_force(slider: Slider, d: Array, limit: Array) -> Array:
         lower[steps:], upper[steps:] = (np.clip(x, lower[steps:], upper[steps:]) for x in before)
         steps *= 2
     z = np.clip(slider.residual, lower, upper)[len(d) :]
-    force: Array = slider.k * (d - z)
-    return force
+    return slider.k * (d - z)

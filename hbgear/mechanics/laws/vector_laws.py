@@ -357,8 +357,7 @@ class Directed(VectorLaw):  # numpydoc ignore=PR02
         return self.law.phases
 
     def edges(self, d: Array) -> Array:
-        distances: Array = d[0] - np.array(self.law.breakpoints).reshape(-1, 1)
-        return distances
+        return d[0] - np.array(self.law.breakpoints).reshape(-1, 1)
 
     def force(self, d: Array, v: Array, tau: Array) -> Forces:
         forces = self.law.force(d[0], v[0], tau)
@@ -427,8 +426,7 @@ class SlidingTeeth(VectorLaw):  # numpydoc ignore=PR02
         return tuple(sorted({*self.contacts.phases, *corners}))
 
     def edges(self, d: Array) -> Array:
-        distances: Array = d[0] - np.array(self.contacts.breakpoints).reshape(-1, 1)
-        return distances
+        return d[0] - np.array(self.contacts.breakpoints).reshape(-1, 1)
 
     def force(self, d: Array, v: Array, tau: Array) -> Forces:
         forces = self.contacts.sliding_forces(d[0], tau)

@@ -358,8 +358,7 @@ class Transform:
         np.multiply(c, 0.5, out=s[:rows, : self.H + 1])
         s[:rows, 0] = c[:, 0]
         plans.inverse.execute()
-        copied: Array = plans.values[:rows].copy()
-        return copied
+        return plans.values[:rows].copy()
 
     def spectrum(self, samples: Array) -> ComplexArray:
         """Return two-sided coefficients ``x_k, k = 0..2H`` of samples ``(rows, N)`` (``x_-k`` is the conjugate).

@@ -29,8 +29,7 @@ from hbgear.mechanics.series.fourier import extrema, harmonics_of, to_complex, t
 
 def rms(X: Array) -> Array:
     """Return the root mean square of the alternating part."""
-    rms: Array = np.sqrt(0.5 * np.sum(X[..., 1:] ** 2, axis=-1))
-    return rms
+    return np.sqrt(0.5 * np.sum(X[..., 1:] ** 2, axis=-1))
 
 
 def half_peak_to_peak(X: Array) -> Array:

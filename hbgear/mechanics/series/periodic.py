@@ -251,8 +251,7 @@ class Periodic:  # numpydoc ignore=PR02
     def jumps(self) -> Array:
         """Jumps (P, D + 1) of the derivatives at the phases."""
         ends = np.roll(derivatives(self._rows, self._widths), 1, axis=0)
-        out: Array = derivatives(self._rows, 0 * self._widths) - ends
-        return out
+        return derivatives(self._rows, 0 * self._widths) - ends
 
     @property
     def continuous(self) -> bool:

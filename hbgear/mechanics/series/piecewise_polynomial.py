@@ -89,8 +89,7 @@ class Pieced:
         """
         middle = starts + 0.5 * np.diff(np.append(starts, TURN))
         piece = np.searchsorted(self.at, middle, side="right") - 1
-        rows: Array = shift_origin(self.rows[piece], starts - self.at[piece])
-        return rows
+        return shift_origin(self.rows[piece], starts - self.at[piece])
 
     def plus(self, other: Pieced) -> Pieced:
         """Return the sum with another function, on the segments of both."""

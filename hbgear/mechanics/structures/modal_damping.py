@@ -82,8 +82,7 @@ def modal_damping(M: Any, K: Any, ratios: float | Sequence[float]) -> Array:
     frequencies = np.sqrt(modal_squares(K, modes, np.abs(K)))
     zeta = np.concatenate([values, np.full(max(len(squares) - values.size, 0), values[-1])])[: len(squares)]
     M_modes = M @ modes
-    C: Array = (M_modes * (2 * zeta * frequencies)) @ M_modes.T
-    return C
+    return (M_modes * (2 * zeta * frequencies)) @ M_modes.T
 
 
 def modal_squares(K: Array, modes: Array, terms: Array) -> Array:
@@ -104,5 +103,4 @@ def _symmetric(name: str, A: Any) -> Array:
     matrix = A if isinstance(A, np.ndarray) else A.toarray()
     if np.abs(matrix - matrix.T).max() > ASYMMETRY * np.abs(matrix).max():
         raise ValueError(f"modal_damping: {name} is not symmetric, so it has no real modes; give C")
-    out: Array = 0.5 * (matrix + matrix.T)
-    return out
+    return 0.5 * (matrix + matrix.T)

@@ -92,5 +92,4 @@ class Scales:  # numpydoc ignore=PR02
 
 def _times(values: Numbers, factor: float) -> Numbers:
     """Return a number, array or list of numbers times a factor."""
-    product: Numbers = np.multiply(values, factor)
-    return product
+    return np.multiply(values, factor)

@@ -92,13 +92,11 @@ class MatrixTable:  # numpydoc ignore=PR02
         ValueError
             If Omega is outside the table by more than 2 % of its width.
         """
-        matrix: Array = self._curve(self._within(Omega))  # type: ignore[attr-defined]
-        return matrix
+        return self._curve(self._within(Omega))  # type: ignore[attr-defined]
 
     def slope(self, Omega: float) -> Array:
         """Return the derivative (n, n) in Omega."""
-        matrix: Array = self._slope(self._within(Omega))  # type: ignore[attr-defined]
-        return matrix
+        return self._slope(self._within(Omega))  # type: ignore[attr-defined]
 
     @property
     def range(self) -> Range:
@@ -229,8 +227,7 @@ class SpeedTerms:  # numpydoc ignore=PR02
         """
 
         def project(A: Any) -> Array:
-            matrix: Array = basis.T @ (A @ basis)
-            return matrix
+            return basis.T @ (A @ basis)
 
         def term(table: OverSpeed | None) -> OverSpeed | None:
             if isinstance(table, MatrixTable):

@@ -71,8 +71,7 @@ def mesh_cycles(
             ax.set_ylim(low, high + 0.04 * (high - low))
         if names:
             top.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(names), borderaxespad=0.2)
-        figure: Figure = top.figure  # type: ignore[assignment]
-        return figure
+        return top.figure  # type: ignore[return-value]
 
 
 def _twice(table: MeshTable, factor: float) -> tuple[Any, Any]:

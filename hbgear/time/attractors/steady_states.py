@@ -262,8 +262,7 @@ class _Search:
         scale = size * self.rng.uniform(0.0, 1.0, (count, 1))
         unit = self.rng.uniform(-1.0, 1.0, (count, 2 * n))
         unit[:, n:] *= self.Omega
-        out: Array = scale * unit
-        return out
+        return scale * unit
 
     @staticmethod
     def _recorded(integrator: ExponentialIntegrator, motion: StateBatch, period: int) -> tuple[Array, Array]:

@@ -21,8 +21,7 @@ def modal_state(structure: LinearStructure, y: Array) -> ComplexArray:
     """Return the modal coordinates z (..., r) of states y (..., 2n); free motions are left out."""
     modes = modes_of(structure)
     q, v = y[..., : structure.n], y[..., structure.n :]
-    z: Array = (q @ structure.C.T + v @ structure.M.T) @ modes.left.T + modes.poles * (q @ structure.M.T @ modes.left.T)
-    return z
+    return (q @ structure.C.T + v @ structure.M.T) @ modes.left.T + modes.poles * (q @ structure.M.T @ modes.left.T)
 
 
 def physical_state(structure: LinearStructure, z: ComplexArray) -> Array:

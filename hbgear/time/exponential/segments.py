@@ -77,8 +77,7 @@ def segment_at(high: Array, d: Array, v: Array) -> Integers:
     """Return `LawSegments.at` for segments with upper ends ``high`` (..., m, segments)."""
     beyond = d[..., None] - high
     rounding = BREAKPOINT_TOLERANCE * (np.abs(d[..., None]) + np.where(np.isfinite(high), np.abs(high), 0.0))
-    segment: Array = np.sum(np.where(np.abs(beyond) <= rounding, v[..., None] >= 0, beyond > 0), axis=-1)
-    return segment
+    return np.sum(np.where(np.abs(beyond) <= rounding, v[..., None] >= 0, beyond > 0), axis=-1)
 
 
 def single_spring(law: Law) -> PiecewiseLinear | None:

@@ -47,8 +47,7 @@ def dense(s: int) -> tuple[Array, Array, Array]:
 
 def _chebyshev(x: Array, k: Integers) -> Array:
     """Return T_k(2x - 1), (..., K)."""
-    T: Array = np.cos(k * np.arccos(np.clip(2 * x - 1, -1.0, 1.0))[..., None])
-    return T
+    return np.cos(k * np.arccos(np.clip(2 * x - 1, -1.0, 1.0))[..., None])
 
 
 def _chebyshev_slope(x: Array, k: Integers) -> Array:

@@ -68,8 +68,7 @@ class SliderFlow:
 
     def zones(self, d: Array, v: Array) -> Integers:
         """Return the zones (Q,) of the limits at displacements and rates (m,); on a level the rate decides."""
-        zone: Integers = np.where(self.normal >= 0, segment_at(self.level, d[self.normal], v[self.normal]), 0)
-        return zone
+        return np.where(self.normal >= 0, segment_at(self.level, d[self.normal], v[self.normal]), 0)
 
     def limit(self, zone: Integers, tau: Any, Omega: float, d: Array, v: Array) -> tuple[Array, Array, Array]:
         """Return the limits and their rates (Q, ...) at displacements and rates (m, ...), and their gains (Q,).
@@ -87,15 +86,13 @@ class SliderFlow:
 
     def is_open(self, zone: Integers) -> np.ndarray:
         """Return whether the limits (Q,) are zero, because contacts are open."""
-        opened: np.ndarray = (self.gain[self._indices, zone] == 0) & (self.base[self._indices, zone] == 0)
-        return opened
+        return (self.gain[self._indices, zone] == 0) & (self.base[self._indices, zone] == 0)
 
     def positions(self, tau: float, d: Array, z: Array | None = None) -> Array:
         """Return positions (Q,) within the friction limits at displacements d (m,), by default the residual ones."""
         max_elastic = self.limit(self.zones(d, 0 * d), tau, 0.0, d, 0 * d)[0] / self.k
         d = d[self.element]
-        positions: Array = np.clip(self.residual if z is None else z, d - max_elastic, d + max_elastic)
-        return positions
+        return np.clip(self.residual if z is None else z, d - max_elastic, d + max_elastic)
 
     def at(self, tau: float, Omega: float, d: Array, v: Array, z: Array, zone: Integers | None = None) -> Integers:
         """Return the state (2, Q) of each slider at displacements and rates (m,), see `SLIP` and `ZONE`.
@@ -143,8 +140,7 @@ class SliderFlow:
         def first(index: int, low: Array, high: Array) -> tuple[Array, Integers]:
             def value(rows: Integers, instants: Array) -> Array:
                 values = (tests(np.array([x]))[index][i, 0] for i, x in zip(rows, instants, strict=True))
-                scaled: Array = np.array(list(values)) / sizes[index][rows]
-                return scaled
+                return np.array(list(values)) / sizes[index][rows]
 
             scaled = samples[index] / sizes[index][:, None]
             return first_exit(t, scaled, np.gradient(scaled, t, axis=1), low, high, value)

@@ -112,8 +112,7 @@ class TorusBasis:
 
     def to_real(self, c: ComplexArray) -> Array:
         """Return unknowns (..., 2K - 1) from coefficients (..., K)."""
-        out: Array = np.concatenate([c.real, -c.imag[..., 1:]], axis=-1)
-        return out
+        return np.concatenate([c.real, -c.imag[..., 1:]], axis=-1)
 
     def samples(self, c: ComplexArray) -> Array:
         """Return samples (..., N1, N2) of functions with coefficients (..., K)."""
@@ -123,15 +122,13 @@ class TorusBasis:
         spectrum[..., 0, 0] *= 2.0
         rows, real_line = self._mirrored
         spectrum[..., rows[real_line], 0] = 0.5 * N1 * N2 * c[..., 1:][..., real_line].conj()
-        out: Array = scipy.fft.irfft2(spectrum, s=self.shape)
-        return out
+        return scipy.fft.irfft2(spectrum, s=self.shape)
 
     def coefficients(self, samples: Array) -> ComplexArray:
         """Return coefficients (..., K) of functions with samples (..., N1, N2)."""
         c = 2.0 * scipy.fft.rfft2(samples)[..., self._positions[0], self._positions[1]] / np.prod(self.shape)
         c[..., 0] = 0.5 * c[..., 0].real
-        out: ComplexArray = c
-        return out
+        return c
 
     def product(self, samples: Array) -> Array:
         """Return the matrix (2K - 1, 2K - 1) of the product with a function with samples (N1, N2)."""
@@ -147,8 +144,7 @@ class TorusBasis:
 
     def evaluate(self, c: ComplexArray, theta: Array) -> Array:
         """Return the values (..., T) at phases theta (T, 2)."""
-        out: Array = (c @ np.exp(1j * (self.k @ theta.T))).real
-        return out
+        return (c @ np.exp(1j * (self.k @ theta.T))).real
 
     def convert(self, X: Array, source: TorusBasis) -> Array:
         """Return unknowns (..., 2K - 1) of this basis from unknowns of another one, cut or padded with zeros."""

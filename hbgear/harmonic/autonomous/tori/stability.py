@@ -243,16 +243,14 @@ class _Step:
             matrix, right = matrix + applied(b, self.inside_rate), right + applied(b, self.free_rate)
         matrix = matrix + np.eye(size)
         u = np.linalg.solve(matrix, right @ P)
-        out: ComplexArray = self.factors[:, None] * P - self.end @ u
-        return out
+        return self.factors[:, None] * P - self.end @ u
 
 
 def birkhoff_weights(count: int) -> Array:
     """Return the weights (count,) of a weighted average, exp(-1 / (t (1 - t))) for t from 0 to 1, with the sum 1."""
     t = (np.arange(count) + 0.5) / count
     w = np.exp(-1.0 / (t * (1.0 - t)))
-    out: Array = w / w.sum()
-    return out
+    return w / w.sum()
 
 
 def _rate(flow: _Flow) -> tuple[float, float]:
