@@ -17,7 +17,7 @@ from hbgear.analysis.quantities.length_units import dimension_of
 from hbgear.common.text.digits import short
 from hbgear.common.text.messages import did_you_mean
 from hbgear.common.text.symbols import unit_of
-from hbgear.common.units import known_unit, to_si
+from hbgear.common.units import decimal_mark, known_unit, to_si
 from hbgear.harmonic.models.frequency_units import Omega_of, length_scale
 
 SPEED = "speed"
@@ -34,7 +34,7 @@ def number_of(option: str, text: str) -> float:
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        raise ValueError(f"{option}={text}: need a finite number")
+        raise ValueError(f"{option}={text}: need a finite number{decimal_mark(text)}")
     return value
 
 

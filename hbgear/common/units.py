@@ -76,6 +76,18 @@ def to_si(owner: str, name: str, value: Any, unit: str) -> float:
     return float(value)
 
 
+def decimal_mark(value: Any) -> str:
+    """Return the remedy of a message about a number: that the decimal mark is a point if the text has a comma.
+
+    Examples
+    --------
+    >>> decimal_mark("0,5 mm"), decimal_mark("half")
+    ('; the decimal mark is a point', '')
+    """
+    comma = isinstance(value, str) and re.match(r"\s*[-+]?\d*,\d", value)
+    return "; the decimal mark is a point" if comma else ""
+
+
 def known_unit(unit: str) -> bool:
     """Return whether a text is a unit to which quantities can be converted; the empty text is dimensionless.
 
@@ -102,9 +114,7 @@ def _converted(owner: str, name: str, value: Any, unit: str) -> float:
     if isinstance(value, str) and (usual := _usual(value.strip(), unit)) is not None:
         return _short(usual)
     need = f"a quantity in {unit} with its unit, such as {_example(unit)}" if unit else "a number"
-    comma = isinstance(value, str) and re.match(r"\s*[-+]?\d*,\d", value) is not None
-    remedy = "; the decimal mark is a point" if comma else ""
-    refusal = ValueError(f"{owner}: {name} = {quoted(value)} must be {need}{remedy}")
+    refusal = ValueError(f"{owner}: {name} = {quoted(value)} must be {need}{decimal_mark(value)}")
     import pint
 
     if isinstance(value, str):

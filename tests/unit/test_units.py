@@ -10,9 +10,12 @@ from pathlib import Path
 import pytest
 
 import hbgear
+import hbgear as hb
+from hbgear.cli.quantities import parameter_value
 from hbgear.common import units
 from hbgear.common.ranges import POSITIVE, Range
 from hbgear.common.units import USUAL, OptionalQuantityField, QuantityField, to_si
+from hbgear.harmonic.models.frequency_units import Omega_of
 
 
 @dataclass(frozen=True)
@@ -106,3 +109,14 @@ def test_units_that_end_in_an_operator_are_refused(text):
 def test_messages_have_an_example_of_any_unit(value, unit, example):
     with pytest.raises(ValueError, match=example):
         to_si("A", "b", value, unit)
+
+
+@pytest.mark.parametrize("text", ["1,5", "9000,5 r/min", "+,5"])
+def test_numbers_with_a_comma_are_refused_with_the_decimal_mark(text):
+    """Without letters the text has no unit, so the message does not name the scales of the model."""
+    pair = hb.SpurPair(reference=(38000.0, 37.6e-6, 15000.0, 25))
+    for model in (pair, hb.SpurPair()) if "r/min" not in text else (pair,):
+        with pytest.raises(ValueError, match=r"^--from.*need a .*; the decimal mark is a point$"):
+            Omega_of(model, "--from", text)
+    with pytest.raises(ValueError, match=r"^--set zeta.*; the decimal mark is a point$"):
+        parameter_value(pair.labels, "--set", "zeta", text.removesuffix(" r/min"))

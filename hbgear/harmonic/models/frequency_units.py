@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from hbgear.common.units import to_si
+from hbgear.common.units import decimal_mark, to_si
 from hbgear.continuation.results.branch import Branch
 from hbgear.harmonic.models import model_registry
 from hbgear.mechanics.models import Model
@@ -103,9 +103,11 @@ def Omega_of(model: Model, setting: str, text: str) -> float:
     try:
         value = float(text)
     except ValueError:
-        return _converted_frequency(model, setting, text)
+        if any(letter.isalpha() for letter in text):
+            return _converted_frequency(model, setting, text)
+        value = math.nan
     if not math.isfinite(value):
-        raise ValueError(f"{setting}={text}: need a finite number")
+        raise ValueError(f"{setting}={text}: need a finite number{decimal_mark(text)}")
     return value
 
 
@@ -121,5 +123,6 @@ def _converted_frequency(model: Model, setting: str, text: str) -> float:
     try:
         rate = to_si(setting, "speed", text, "rad/s")
     except ValueError:
-        raise ValueError(f"{setting} {text}: need a speed with its unit, such as {setting} 9000r/min") from None
+        raise ValueError(f"{setting} {text}: need a speed with its unit, such as {setting} 9000r/min"
+                         f"{decimal_mark(text)}") from None  # fmt: skip
     return float(physical.from_pinion_speed(rate * 30 / math.pi))
