@@ -326,7 +326,8 @@ def jump_map(
     progress : callable, optional
         Function that is called with a `Progress` after each step, such as ``print``. Its fraction is unknown.
     known : JumpMap, optional
-        Incomplete map of the same model, parameter and ranges, whose curves are not traced again.
+        Incomplete map of the same model, parameter and ranges, such as one that Ctrl-C ended. Its curves are not traced
+        again.
 
     Returns
     -------
@@ -385,10 +386,6 @@ def jump_map(
     )  # fmt: skip
 
 
-_ADVICE = "complete curves are kept; compute the others with hb.jump_map(..., known=this map)"
-"""Recommended action for a map that is not complete."""
-
-
 @dataclass(eq=False)
 class _MapSearch:
     """Response curves and fold curves of a jump map, found so far.
@@ -415,7 +412,7 @@ class _MapSearch:
     progress: ProgressCallback | None
     curves: dict[float, Branch] = field(default_factory=dict)
     folds: list[tuple[Branch, list[Arm]]] = field(default_factory=list)
-    ending: Termination = field(default_factory=lambda: Termination(advice=_ADVICE))
+    ending: Termination = field(default_factory=lambda: Termination(advice="complete curves are kept"))
     unconverged: list[str] = field(default_factory=list)
 
     def follow_folds_at(self, value: float) -> None:

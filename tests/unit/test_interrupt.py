@@ -236,6 +236,7 @@ def test_an_interrupted_jump_map_goes_on_from_its_file(tmp_path):
     whole, count = at_call(0, work)
     stopped = [part for part in parts(work, count) if part is not None and part.status is Status.INTERRUPTED]
     assert {(bool(part.curves), bool(part.folds)) for part in stopped} == {(True, False), (True, True)}
+    assert all(part.message.endswith("or its folds. Complete curves are kept") for part in stopped)
     for part in stopped[:: max(1, len(stopped) // 6)]:
         save_map(part, tmp_path / "a.part.npz")
         known = read_map(tmp_path / "a.part.npz", problem, "zeta", span, frequencies)
@@ -246,6 +247,18 @@ def test_an_interrupted_jump_map_goes_on_from_its_file(tmp_path):
         for arm, other in zip(done.arms, whole.arms, strict=True):
             np.testing.assert_allclose(arm.Omega[[0, -1]], other.Omega[[0, -1]], rtol=1e-9)
             assert arm.direction == other.direction
+
+
+def test_an_interrupted_map_advises_in_terms_of_the_command(run, monkeypatch):
+    problem = hb.HarmonicBalance(DUFFING, 3)
+    done = hb.jump_map(problem, "zeta", (0.03, 0.05), frequencies=(0.6, 1.6), seeds=2)
+    part = dataclasses.replace(done, status=Status.INTERRUPTED, message="interrupted. Complete curves are kept")
+    monkeypatch.setattr(hb, "jump_map", lambda *_, **__: part)
+    line = ("map", "duffing", "--in", "zeta=0.03:0.05", "--harmonics", "3", "--from", "0.6", "--to", "1.6")
+    for more, said in (((), "complete; with -o FILE.csv they are kept:"), (("-o", "a.csv"), "kept in 'a.part.npz':")):
+        code, out, err = run(*line, *more)
+        assert code == 3 and f"are {said} the same command continues from there" in " ".join(out.split())
+        assert "hb." not in out + err
 
 
 def test_a_part_of_a_map_keeps_all_curves_of_the_range(tmp_path):

@@ -69,9 +69,11 @@ def map_command(
     unit = unit_after(problem.model, parameter)
     with outputs() as out:
         out.write(output, jump_map.export)
-        if path and jump_map.status is hb.Status.INTERRUPTED:
-            out.write(path, partial(save_map, jump_map))
-            print(f"{len(jump_map.curves)} response curves and {len(jump_map.folds)} fold curves are kept in '{path}': "
+        if jump_map.status is hb.Status.INTERRUPTED:
+            if path:
+                out.write(path, partial(save_map, jump_map))
+            kept = f"kept in '{path}'" if path else "complete; with -o FILE.csv they are kept"
+            print(f"{len(jump_map.curves)} response curves and {len(jump_map.folds)} fold curves are {kept}: "
                   "the same command continues from there")  # fmt: skip
         elif path:
             path.unlink(missing_ok=True)
