@@ -53,9 +53,10 @@ def test_jumps_that_are_integrated_say_so(run):
     near, found = run("jumps pair.npz --measure rms"), run("jumps pair.npz --measure rms --landing integrate")
     assert near[0] == found[0] == 0 and near[2] == found[2] == ""
     lines = [{line.split()[0]: line for line in out.splitlines() if " LP" in line} for _, out, _ in (near, found)]
-    assert "nearest of 2" in lines[0]["LP4"] and all("integrated" in line for line in lines[1].values())
+    assert "uncertain: nearest of 2" in lines[0]["LP4"] and all("integrated" in line for line in lines[1].values())
     after = [float(line["LP4"].partition("creasing")[2].split()[1]) for line in lines]
     assert after == pytest.approx([0.0715, 0.0828], abs=1e-4)
+    assert "LP1, LP3, LP4, LP6: several motions are stable" in " ".join(near[1].split()) and "several" not in found[1]
     assert "LP3: indeterminate: " in found[1] and "indeterminate" not in near[1]
     code, out, _ = run("validate pair.npz --points 1")
     assert code == 1 and "5 of 6 jumps agree" in out

@@ -237,9 +237,10 @@ def results(
                 )
                 direction = "increasing" if jump.direction > 0 else "decreasing"
                 rows.append([label_on_curve(number, jump), position_texts(branch, jump.before)[0], direction,
-                             *(rounded(end, 4) if np.isfinite(end) else "-" for end in ends)])  # fmt: skip
+                             *(rounded(end, 4) if np.isfinite(end) else "-" for end in ends),
+                             jump.landing_description])  # fmt: skip
         if rows:
-            headers = ["", position_headers(branch)[0], "sweep", f"{title} before", "after"]
+            headers = ["", position_headers(branch)[0], "sweep", f"{title} before", "after", "landing"]
             print_table(headers, rows, "jumps of a slow sweep")
     raise typer.Exit(0)
 

@@ -376,12 +376,12 @@ class Jump:
 
     @property
     def landing_description(self) -> str:
-        """Description of how `after` was chosen, such as "nearest of 2"."""
+        """Description of how `after` was chosen, such as "uncertain: nearest of 2"."""
         if self.landing == "integrate":
             return "integrated"
         if self.landing == BIFURCATING:
             return "continues on the bifurcating branch"
-        return f"nearest of {len(self.candidates)}" if len(self.candidates) > 1 else "nearest"
+        return f"uncertain: nearest of {len(self.candidates)}" if len(self.candidates) > 1 else "nearest"
 
 
 _AnyPoint = TypeVar("_AnyPoint", bound=Point)
