@@ -168,3 +168,26 @@ def test_a_mode_that_the_elements_measure_little_continues_beyond_the_first_cont
     """The residual changes so much with Omega that its rounding errors exceed 1e-10 of the forces of the elements."""
     curve = hb.analysis.backbone(hb.gears.DoubleHelicalPair(), mode=2, span=(0.4, 0.55))
     assert curve.status.complete and curve["GR1"].parameters["amplitude"] < 0.45
+
+
+@pytest.mark.parametrize("mode", [1, 2])
+def test_backbones_of_an_isotropic_rotor_are_forward_and_backward_whirl(mode):
+    """In circular whirl of radius r, W^2 = 1 + k (1 - g / r) and 2 D W^2 = c W +- mu k (1 - g / r)."""
+    k, g, mu, c, turned = 4.0, 1.0, 0.1, 0.02, np.array([[0.8, -0.6], [0.6, 0.8]])
+    seal = hb.mechanics.VectorElement(turned, hb.mechanics.RadialClearance(k, g, mu))
+    rotor = hb.System(np.eye(2), c * np.eye(2), np.eye(2), list(seal), hb.Load(cosine={1: [0.1, 0.0]}))
+    curve = hb.analysis.backbone(rotor, mode, (0.1, 3.0), harmonics=3)
+    assert curve.status is hb.Status.REACHED_END and {p.kind for p in curve.special} == {"GR"}
+    r, W, D = curve.values, curve.tracked["Omega"], curve.tracked["modal_damping"]
+    contact = k * np.maximum(1 - g / r, 0)
+    np.testing.assert_allclose(W, np.sqrt(1 + contact), rtol=1e-10)
+    np.testing.assert_allclose(2 * D * W**2, c * W + {1: 1, 2: -1}[mode] * mu * contact, atol=1e-10)
+
+
+def test_modes_of_equal_frequency_are_counted():
+    """Two uncoupled equal masses have two modes; a frequency counted once was refused."""
+    masses = [hb.Element(row, hb.Cubic(1.0)) for row in np.eye(2)]
+    equal = hb.System(np.eye(2), None, np.eye(2), masses, hb.Load(cosine={1: [0.1, 0.0]}))
+    first, second = (hb.analysis.backbone(equal, mode, (0.1, 0.5), harmonics=3) for mode in (1, 2))
+    np.testing.assert_allclose(first.tracked["Omega"][-1], second.tracked["Omega"][-1], rtol=1e-9)
+    assert first[-1].amplitude("rms", 0) == pytest.approx(second[-1].amplitude("rms", 1), abs=1e-9)

@@ -257,6 +257,7 @@ class BackboneProblem(ContinuationProblem):
         size = max(size, norm(springs * d))  # in a linear mode without forces of the elements all terms are rounding
         size = max(size, CANCELLED_TERMS * float(np.linalg.norm(terms @ np.abs(rows.T[1:, :, None]))))
         amplitude = parameters[AMPLITUDE]
+        checked("BackboneProblem", AMPLITUDE, amplitude, POSITIVE)
         alternating = d * self._alternating
         rms = norm(alternating) / np.sqrt(2.0)
         # the conditions of phase and amplitude weigh as much as the balance
@@ -266,7 +267,27 @@ class BackboneProblem(ContinuationProblem):
         A[:n, :n], A[:n, n + 1] = J, dR_dOmega
         A[:n, n] = to_real(_applied(rate, rows, evaluator)).ravel()
         A[n, :n], A[n + 1, :n] = weight * self._phase, 0.5 * weight * alternating / (rms or 1.0)
+        if self._default_mode.partner is not None and not self._touches(d, parameters, unknown):
+            other = self._partner(evaluator.m) * np.sqrt(_springs(evaluator).max())
+            out[:n] += other.T @ (other @ d)
+            A[:n, :n] += other.T @ other
         return Evaluation(out, A, _parameter_derivative(self, X, name, parameters, weight), size)
+
+    def _touches(self, d: Array, parameters: Mapping[str, float], unknown: Mapping[str, float]) -> bool:
+        """Return whether any contact closes in a motion."""
+        values = {**model_parameters(parameters), "Omega": unknown["Omega"]}
+        return bool((self.balance.threshold_distances("edge", d, **values) > 0).any())
+
+    def _partner(self, m: int) -> Array:
+        """Return the components (2, n) of motions in the other whirl of an isotropic rotor.
+
+        Without contact both whirls combine in any ratio. Springs along the other one choose the motion without it, on
+        which they exert no force.
+        """
+        assert self._default_mode.partner is not None
+        units = to_complex(np.eye(self.balance.size).reshape(self.balance.size, m, -1))[:, :, 1]
+        z = units @ self._default_mode.partner.conj()
+        return np.array([z.real, z.imag])
 
     @property
     def _alternating(self) -> Array:

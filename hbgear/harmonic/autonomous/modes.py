@@ -7,6 +7,8 @@ omega is the modal frequency and D the modal damping ratio. Damping need not be 
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -16,6 +18,7 @@ from hbgear.common.arrays import Array, ComplexArray
 from hbgear.harmonic.equations.evaluator import Evaluator
 from hbgear.harmonic.equations.static_state import static_states
 from hbgear.harmonic.structure.linear_structure import dense
+from hbgear.mechanics.laws.vector_laws import RadialClearance
 from hbgear.mechanics.structures.modal_damping import modal_squares
 
 STATIC_FREQUENCY = 0.7390851332151607
@@ -39,12 +42,15 @@ class LinearMode(NamedTuple):
         Displacements of the elements.
     rest : ndarray, shape (m,)
         Static displacements of the elements.
+    partner : ndarray of complex, shape (m,), optional
+        Of forward whirl of an isotropic rotor, backward whirl; of backward whirl, forward whirl.
     """
 
     omega: float
     damping: float
     shape: ComplexArray
     rest: Array
+    partner: ComplexArray | None = None
 
 
 def linear_mode(evaluator: Evaluator, number: int) -> LinearMode:
@@ -66,7 +72,15 @@ def linear_mode(evaluator: Evaluator, number: int) -> LinearMode:
         raise ValueError(
             f"mode = {number}: the elements measure {len(modes)} mode(s); give a number up to {len(modes)}"
         )
-    return modes[number - 1]
+    mode = modes[number - 1]
+    equal = [other for other in modes if _have_one_frequency(mode, other)]
+    holes = [pair for pair, law in evaluator.vectors if isinstance(law, RadialClearance)]
+    return _whirl(equal, mode is equal[0], holes) if len(equal) == 2 and holes else mode
+
+
+def _have_one_frequency(a: LinearMode, b: LinearMode) -> bool:
+    """Return whether two modes have the same frequency and damping."""
+    return abs(a.omega - b.omega) + abs(a.damping - b.damping) <= _EQUAL_MODES * a.omega
 
 
 def _modes(evaluator: Evaluator, rest: Array, stiffness: Array) -> list[LinearMode]:
@@ -87,10 +101,26 @@ def _modes(evaluator: Evaluator, rest: Array, stiffness: Array) -> list[LinearMo
         if eigenvalue.real <= 0 or abs(eigenvalue.imag) >= 2 * eigenvalue.real:
             continue
         omega, damping = float(np.sqrt(eigenvalue.real)), float(eigenvalue.imag / (2 * eigenvalue.real))
-        if all(abs(omega - mode.omega) + abs(damping - mode.damping) > _EQUAL_MODES * omega for mode in modes):
-            shape = W.T @ v
-            modes.append(LinearMode(omega, damping, shape / np.linalg.norm(shape), rest))
+        shape = W.T @ v
+        found = LinearMode(omega, damping, shape / np.linalg.norm(shape), rest)
+        for mode in modes:
+            if _have_one_frequency(found, mode):
+                found = found._replace(shape=found.shape - mode.shape * (mode.shape.conj() @ found.shape))
+        if (size := float(np.linalg.norm(found.shape))) > _SAME_SHAPE:
+            modes.append(found._replace(shape=found.shape / size))
     return sorted(modes, key=lambda mode: mode.omega)
+
+
+def _whirl(equal: list[LinearMode], forward: bool, holes: Sequence[Array]) -> LinearMode:
+    """Return forward or backward whirl of shafts in round holes, from two modes of equal frequency.
+
+    Planar motions of such a shaft have any direction, so they are not isolated, and friction turns them into whirl.
+    """
+    a, b = (mode.shape for mode in equal)
+    turn = sum(float((np.conj(a[i]) * b[j] - np.conj(a[j]) * b[i]).real) for i, j in holes)
+    sign = math.copysign(1.0, turn) * (1 if forward else -1)
+    shapes = (a - 1j * sign * b) / math.sqrt(2), (a + 1j * sign * b) / math.sqrt(2)
+    return equal[0]._replace(shape=shapes[0], partner=shapes[1])
 
 
 _MASSLESS_RATIO = 1e-13
@@ -122,7 +152,10 @@ _SETTLED_CHANGE = 1e-13
 """Relative change of an eigenvalue below which the inverse iteration has converged."""
 
 _EQUAL_MODES = 1e-6
-"""Relative difference of frequency and damping below which two modes are the same."""
+"""Relative difference of frequency and damping below which two modes of one shape are the same."""
+
+_SAME_SHAPE = 1e-3
+"""Part of a shape that other modes of the frequency do not have, below which it is rounding."""
 
 
 def _damped_mode(M: Array, C: Array, K: Array, square: float, v: Array) -> tuple[complex, ComplexArray]:
