@@ -134,3 +134,54 @@ def test_harmonics_that_are_not_stored_are_no_error_of_an_exact_curve(tmp_path):
     for curve in (curves[0], hb.load(tmp_path / "curve.npz")):
         (warning,) = [text for text in curve.warnings if "harmonics" in text]
         assert warning.startswith("the harmonics that are not stored are up to ") and "more harmonics" not in warning
+
+
+@pytest.fixture(scope="module")
+def inner_grazing():
+    """Return a model whose second contact in the period begins and vanishes, with its curve of 32 harmonics."""
+
+    @hb.mechanics.model
+    def stopped(F: float = 0.3, gap: float = 0.3) -> hb.System:
+        stop = hb.Element([1.0], hb.Unilateral(k=20.0, gap=gap), name="stop")
+        return hb.System([[1.0]], [[0.1]], [[1.0]], [stop], hb.Load(cosine={1: [F], 2: [0.25]}))
+
+    return stopped, hb.trace(hb.HarmonicBalance(stopped(), 32), "Omega", (2.0, 0.35))
+
+
+def grazings(curve):
+    """Return the grazing points of a curve."""
+    return [point for point in curve.special if point.kind == "GR"]
+
+
+def test_extrema_that_are_not_the_highest_graze(inner_grazing):
+    """Both discretisations have the same grazing points, also where a further contact begins in the period."""
+    stopped, balance = inner_grazing
+    exact = hb.trace(hb.ContactInstants(stopped()), "Omega", (2.0, 0.35))
+    points, others = grazings(balance), grazings(exact)
+    assert [point.note for point in points] == [point.note for point in others]
+    assert [point.note for point in points] == ["highest of stop at 0.3"] + 5 * ["inner extremum of stop at 0.3"]
+    for point, other in zip(points, others, strict=True):
+        assert abs(point.parameters["Omega"] - other.parameters["Omega"]) < 3 * point.error < 2e-5
+
+
+def test_inner_extrema_reach_the_breakpoint(inner_grazing):
+    """The derivative of the motion of a grazing point has a root at which the motion is at the stop, to rounding."""
+    for point in grazings(inner_grazing[1])[1:]:
+        c = (point.X[1::2] - 1j * point.X[2::2]) / 2
+        orders = np.arange(1, len(c) + 1)
+        slope = np.concatenate([(-1j * orders * c.conj())[::-1], [0.0], 1j * orders * c])
+        roots = np.roots(slope[::-1])
+        theta = np.angle(roots[np.abs(np.abs(roots) - 1) < 1e-7])
+        d = point.X[0] + 2 * (np.exp(1j * np.outer(theta, orders)) @ c).real
+        assert np.abs(d - 0.3).min() < 1e-9 and d.max() > 0.301
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["F", "gap"])
+def test_inner_grazings_are_followed(inner_grazing, name):
+    """The curve of a grazing point over a parameter ends at the point of the curve with this parameter."""
+    stopped, balance = inner_grazing
+    followed = hb.follow(balance, "GR2", name, (0.3, 0.33))
+    other = hb.trace(hb.HarmonicBalance(stopped(**{name: 0.33}), 32), "Omega", (1.0, 0.6))
+    (Omega,) = [p.parameters["Omega"] for p in grazings(other)][:1]
+    assert followed.tracked["Omega"][-1] == pytest.approx(Omega, abs=1e-9)

@@ -62,6 +62,19 @@ class GrazingProblem(ThresholdProblem):  # numpydoc ignore=PR02
         return out
 
 
+class InnerGrazingProblem(GrazingProblem):
+    """Grazing contacts (GR) at another extremum than the highest and the lowest: one more contact in the period.
+
+    Parameters are the same as for `GrazingProblem`; ``which`` is an index into the distances
+    ``problem.threshold_distances("inner", X)``.
+    """
+
+    quantity = "inner"
+
+    def compiled(self, parameters: Mapping[str, float]) -> None:
+        """Return None: the compiled locator has the highest and lowest extremum only."""
+
+
 class EdgeProblem(ThresholdProblem):
     """Grazing contacts (GR) of a vector law, such as a radial clearance: an extremum of an edge function is zero.
 
@@ -82,8 +95,8 @@ class GrazingEvent(ThresholdEvent):
     Elements that graze at the same value of the parameter are one point.
     """
 
-    kind, meaning, marker = "GR", "grazing contact: the impact regime changes", "x"
-    problems = (GrazingProblem, EdgeProblem)
+    kind, meaning, marker = "GR", "grazing contact: a contact begins or vanishes", "x"
+    problems = (GrazingProblem, EdgeProblem, InnerGrazingProblem)
 
     def ahead(self, segment: Segment) -> LocatedEvent | None:
         """Return the contact that the clearances at both ends approach, by Newton's method from the end."""

@@ -16,7 +16,7 @@ import numpy as np
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.harmonic.equations.evaluator import Evaluator, writable
 from hbgear.harmonic.equations.layout import STICK_REGIME
-from hbgear.harmonic.equations.thresholds import edge_extremes, edged_laws, slip_margins
+from hbgear.harmonic.equations.thresholds import edge_extremes, edged_laws, inner_samples, slip_margins
 from hbgear.mechanics.laws.slider import friction_limits, limit_at
 from hbgear.mechanics.reduction import Reduction
 from hbgear.mechanics.series.fourier import places, to_complex, to_real
@@ -224,7 +224,7 @@ def _response_to_forces(
 
 
 def monitored_quantities(evaluator: Evaluator, X: Array, Omega: Array) -> tuple[list[dict[str, Any]], Array]:
-    """Return clearance, slip margins, regime and truncation error of motions X (P, n), and the motions to order 2H.
+    """Return distances from thresholds, regime and truncation error of motions X (P, n), and the motions to order 2H.
 
     The second result (P, m (4H + 1)) holds the harmonics up to 2H that the truncated force harmonics drive.
     """
@@ -232,6 +232,10 @@ def monitored_quantities(evaluator: Evaluator, X: Array, Omega: Array) -> tuple[
     extended = with_driven_harmonics(evaluator, X, Omega)
     results = zip(clearances, codes, truncation_errors(evaluator, extended).tolist(), strict=True)
     observed = [{"clearance": c, "regime": r, "error": e} for c, r, e in results]
+    inner = inner_samples(evaluator, X, clearances)
+    if inner is not None:
+        for quantities, distances in zip(observed, inner, strict=True):
+            quantities["inner"] = distances
     if evaluator.sliders:
         margins = slip_margins(evaluator, X)
         _fill_friction_regimes(evaluator, margins, codes)  # the codes of ``observed`` are views

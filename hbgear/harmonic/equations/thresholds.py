@@ -1,6 +1,7 @@
 """Thresholds of periodic motions: grazing contacts, first slips of friction, and edges of vector laws.
 
     clearance    min d - breakpoint, max d - breakpoint         of different signs if the motion crosses the breakpoint
+    inner        d - breakpoint at the nearest other extremum   with the sign of the product over all other extrema
     slip         max (d - limit / k) - min (d + limit / k)      positive if the slider slips
     edge         min edge(d), max edge(d)                       of different signs if the motion crosses the edge
 
@@ -26,7 +27,7 @@ from hbgear.harmonic.forces.aft import roots_of
 from hbgear.harmonic.forces.breakpoints import gap_samples
 from hbgear.mechanics.laws.mesh_contacts import ToothContact, contacts_of
 from hbgear.mechanics.laws.vector_laws import VectorLaw
-from hbgear.mechanics.series.fourier import derive, evaluate, to_complex, to_real, waves
+from hbgear.mechanics.series.fourier import Series, derive, evaluate, to_complex, to_real, waves
 
 EDGE_SAMPLES = 32
 """Samples for each harmonic [-] among which the extremum of an edge is searched, and of each refinement."""
@@ -75,6 +76,90 @@ def clearance_names(evaluator: Evaluator) -> tuple[str, ...]:
         f"{end} of {e.name} at {x:g}"
         for e in evaluator.system.elements for x in e.law.breakpoints for end in ("lowest", "highest")
     )  # fmt: skip
+
+
+# ---- breakpoints and inner extrema
+
+
+def inner_samples(evaluator: Evaluator, X: Array, clearance: Array) -> Array | None:
+    """Return `inner_distances` of motions X (P, n) from parabolas through samples, for their signs; None without any.
+
+    A breakpoint beyond the outer extrema, whose distances are ``clearance`` (P, 2 K), needs no samples: the number of
+    other extrema is even.
+    """
+    numbers = _inner_breakpoints(evaluator)
+    if not numbers:
+        return None
+    low, high = clearance[:, ::2][:, numbers], clearance[:, 1::2][:, numbers]
+    rows, out = evaluator.spread(X).reshape(len(X), evaluator.m, -1), high - low
+    for i, number in enumerate(numbers):
+        crossed = np.flatnonzero(low[:, i] * high[:, i] < 0)
+        if not crossed.size:
+            continue
+        d = rows[crossed, evaluator.element[number]] @ evaluator.packed.basis
+        before, after = np.roll(d, 1, axis=1), np.roll(d, -1, axis=1)
+        turns = (d - before) * (after - d) < 0
+        for outer in (d.argmax(axis=1), d.argmin(axis=1)):
+            turns[np.arange(len(d)), outer] = False
+        motion, sample = np.nonzero(turns)
+        first, middle, last = (values[motion, sample] for values in (before, d, after))
+        extrema = middle - (last - first) ** 2 / (8 * (first - 2 * middle + last))
+        distance = np.full(d.shape, np.inf)
+        distance[motion, sample] = extrema - evaluator.breakpoints[number]
+        nearest = np.minimum(np.abs(distance).min(axis=1), out[crossed, i])
+        out[crossed, i] = nearest * np.sign(distance).prod(axis=1)
+    return out
+
+
+def inner_distances(evaluator: Evaluator, X: Array) -> Array:
+    """Return the distances (P, K) of local extrema from breakpoints in motions X (P, n).
+
+    The highest and the lowest extremum, whose distances are `clearances`, are left out. Of the others the one nearest
+    to a breakpoint is taken, with the sign of the product of all distances. It changes where one of them passes the
+    breakpoint, not where two of them appear or exchange their order. Without others it is the range of the motion.
+    """
+    count = len(_inner_breakpoints(evaluator))
+    return np.array([[_inner_extremum(evaluator, x, i)[0] for i in range(count)] for x in X]).reshape(len(X), count)
+
+
+def inner_threshold(evaluator: Evaluator, X: Array, index: int) -> tuple[float, Array]:
+    """Return the distance of the extremum of entry ``index`` of `inner_distances`, and its derivative."""
+    _, g, theta = _inner_extremum(evaluator, X, index)
+    derivative = np.zeros((evaluator.m, 2 * len(evaluator.orders) - 1))
+    derivative[evaluator.element[_inner_breakpoints(evaluator)[index]]] = basis_values(theta, evaluator.orders)
+    return g, derivative
+
+
+def inner_names(evaluator: Evaluator) -> tuple[str, ...]:
+    """Return the meaning of each entry of `inner_distances` in words."""
+    names = [name.removeprefix("lowest") for name in clearance_names(evaluator)[::2]]
+    return tuple(f"inner extremum{names[number]}" for number in _inner_breakpoints(evaluator))
+
+
+def _inner_breakpoints(evaluator: Evaluator) -> list[int]:
+    """Return the numbers of the breakpoints of elements whose displacement is a series: its extrema are smooth."""
+    elements = evaluator.system.elements
+    return [
+        number for number, j in enumerate(evaluator.element.tolist())
+        if isinstance(elements[j].displacement, Series) and not contacts_of(elements[j].law)
+    ]  # fmt: skip
+
+
+def _inner_extremum(evaluator: Evaluator, X: Array, index: int) -> tuple[float, float, float]:
+    """Return entry ``index`` of `inner_distances` of a motion X (n,), distance and phase of its extremum."""
+    number = _inner_breakpoints(evaluator)[index]
+    j = int(evaluator.element[number])
+    row = evaluator.spread(X).reshape(evaluator.m, -1)[j]
+    theta = _extrema(_slope_samples(evaluator, j, row), partial(evaluator.gap, j, row))
+    d = evaluator.gap(j, row, theta)
+    inner = np.delete(np.arange(len(d)), [np.argmax(d), np.argmin(d)] if len(d) else [])
+    if not inner.size:
+        size = float(np.ptp(d)) if len(d) else 0.0
+        return size, size, 0.0
+    distances = d[inner] - evaluator.breakpoints[number]
+    nearest = int(np.argmin(np.abs(distances)))
+    g = float(distances[nearest])
+    return abs(g) * float(np.sign(distances).prod()), g, float(theta[inner[nearest]])
 
 
 # ---- friction sliders
@@ -217,6 +302,7 @@ class ThresholdKind(NamedTuple):
 
 THRESHOLDS = {
     "clearance": ThresholdKind(clearance_names, clearances, grazing_threshold),
+    "inner": ThresholdKind(inner_names, inner_distances, inner_threshold),
     "slip": ThresholdKind(slider_names, slip_margins, slip_threshold),
     "edge": ThresholdKind(edge_names, edge_extremes, edge_threshold),
 }

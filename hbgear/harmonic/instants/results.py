@@ -45,17 +45,19 @@ def build_exact_branch(
     for mark in curve.marks:
         low, high = points[max(mark.index - 1, 0)], points[min(mark.index + 1, len(points) - 1)]
         switches = sorted(contact.switch for contact in mark.contacts)
-        note = ", ".join(_grazing_text(problem, switch) for switch in switches)
+        note = ", ".join(_grazing_text(problem, switch, curve.points[mark.index]) for switch in switches)
         error = EXACT_ERRORS.get(mark.kind, PARAMETER_ROUNDING) * abs(points[mark.index].value)
         event = LocatedEvent(events[mark.kind], 0.5, points[mark.index], True, note or "in contact instants", error)
         marks.append(SpecialPointMark(mark.index, event, (low.value, high.value)))
     return build_branch(problem, name, fixed, points, marks, curve.status, curve.message, settings)
 
 
-def _grazing_text(problem: Any, switch: Any) -> str:
-    """Return the side and the element of a grazing contact."""
+def _grazing_text(problem: Any, switch: Any, point: ExactPoint) -> str:
+    """Return the extremum and the element of a grazing contact; it is an inner one if the motion has other contacts."""
     element = problem.compiled({}).system.elements[switch.element]
-    return f"{GRAZING_NOTE[switch.sign]} of {element.name} at {element.law.breakpoints[switch.breakpoint]:g}"
+    inner = any(other[:2] == switch[:2] for other in point.state.pattern.switches)
+    extremum = "inner extremum" if inner else GRAZING_NOTE[switch.sign]
+    return f"{extremum} of {element.name} at {element.law.breakpoints[switch.breakpoint]:g}"
 
 
 def _curve_point(problem: Any, family: Family, point: ExactPoint, step: float, stability: bool) -> CurvePoint:
