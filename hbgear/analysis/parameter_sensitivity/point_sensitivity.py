@@ -122,8 +122,7 @@ def _with_balance(
 ) -> ContinuationProblem:
     """Return the problem with the unknowns of the point and its harmonic balance replaced by a function of it."""
     if isinstance(problem, MinimallyAugmentedProblem):
-        inner = _with_balance(problem.problem, point, replaced)
-        return type(problem)(inner, problem.parameter, *problem.arguments)
+        return problem.for_problem(_with_balance(problem.problem, point, replaced))
     return _at_resolution(replaced(problem) if isinstance(problem, HarmonicBalance) else problem, point)
 
 

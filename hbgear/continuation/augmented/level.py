@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import numpy as np
 
@@ -47,15 +46,12 @@ class ScalarConditionProblem(MinimallyAugmentedProblem):
     """
 
     test: Callable[[Point], float]
+    argument_names = ("test",)
 
     @checked_arguments()
     def __init__(self, problem: AnyProblem, parameter: str, test: Callable[[Point], float]) -> None:
         super().__init__(problem, parameter)
         self._fixed(test=test)
-
-    @property
-    def arguments(self) -> tuple[Any, ...]:
-        return (self.test,)
 
     def base_at(self, X: Array, parameters: dict[str, float]) -> Borders:
         return Borders(self.problem.linearise(X, "", **parameters).size)

@@ -33,7 +33,7 @@ import math
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple, Self
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 
@@ -90,6 +90,8 @@ class MinimallyAugmentedProblem(SpecialPointProblem):
     """
 
     base: Borders | None = None
+    argument_names: ClassVar[tuple[str, ...]] = ()
+    """Names of the attributes that the constructor takes after problem and parameter."""
 
     # ---- the added equation
 
@@ -182,21 +184,19 @@ class MinimallyAugmentedProblem(SpecialPointProblem):
         return self.problem.codimension_two_events(self)
 
     @property
-    def arguments(self) -> tuple[Any, ...]:
-        """Arguments of the constructor after problem and parameter."""
-        return ()
-
-    @property
     def refined_problem(self) -> Self | None:
         """The equations of the refined problem."""
         finer = self.problem.refined_problem
-        return None if finer is None else type(self)(finer, self.parameter, *self.arguments)
+        return None if finer is None else self.for_problem(finer)
 
     @property
     def comparisons(self) -> Sequence[tuple[ContinuationProblem, float]]:
         """The equations of the problems for comparisons, with their weights."""
-        comparisons = self.problem.comparisons
-        return tuple((type(self)(problem, self.parameter, *self.arguments), weight) for problem, weight in comparisons)
+        return tuple((self.for_problem(problem), weight) for problem, weight in self.problem.comparisons)
+
+    def for_problem(self, problem: ContinuationProblem) -> Self:
+        """Return these equations for another problem."""
+        return type(self)(problem, self.parameter, *(getattr(self, name) for name in self.argument_names))
 
     def linearise(self, X: Array, name: str, **parameters: float) -> Evaluation:
         """Return {R, g} (n + 1,), its Jacobian and its derivative in a further parameter.

@@ -246,7 +246,7 @@ def _by_equations(segment: Segment, event: LocatedEvent, problem: ContinuationPr
         if extended is None or (not smooth and isinstance(extended, FoldProblem)):
             return None
         if not smooth:
-            extended = type(extended)(problem.original, segment.name, *extended.arguments)
+            extended = extended.for_problem(problem.original)
         unit = problem.unit_of(segment.name, located.value)
         U = _newton_until_settled(extended, start, parameters, PARAMETER_ROUNDING * unit)
     except SEARCH_ERRORS:

@@ -120,11 +120,15 @@ class GearPair:  # numpydoc ignore=PR02
         """Transverse working pressure angle alpha_wt [rad]."""
         if self.center_distance is not None:
             return acos(min(abs(self._signed_base_radius) / self.working_center_distance, 1.0))
+        return inverse_involute(self._working_involute)
+
+    @property
+    def _working_involute(self) -> float:
+        """inv(alpha_wt) of the profile shifts, not positive if they allow no centre distance."""
         shifts = self.pinion.profile_shift + self.wheel.profile_shift
-        value = involute(self.pinion.transverse_pressure_angle) + (
+        return involute(self.pinion.transverse_pressure_angle) + (
             2 * tan(self.pinion.pressure_angle) * shifts / self._signed_teeth
         )
-        return inverse_involute(value)
 
     @property
     def working_center_distance(self) -> float:
@@ -328,21 +332,15 @@ def _check_distance(pair: GearPair) -> None:
     if pair.center_distance is not None and pair.working_center_distance <= minimum and not pair.wheel.rack:
         raise ValueError(f"GearPair: center_distance = {pair.center_distance * 1e3:.6g} mm must be above "
                          f"{minimum * 1e3:.6g} mm, where the base circles touch")  # fmt: skip
-    if pair.center_distance is None:
-        shifts = pair.pinion.profile_shift + pair.wheel.profile_shift
-        value = involute(pair.pinion.transverse_pressure_angle) + (
-            2 * tan(pair.pinion.pressure_angle) * shifts / pair._signed_teeth
-        )
-        if value <= 0:
-            shifts_text = f"profile shifts of {pair.pinion.profile_shift:g} and {pair.wheel.profile_shift:g}"
-            remedy = "increase them"
-            if pair.wheel.internal:
-                remedy = (
-                    "decrease them: a positive shift makes the teeth of a ring thicker; if the drawing counts it "
-                    "outwards, as many catalogues do, give the opposite sign, profile_shift = "
-                    f"{-pair.wheel.profile_shift:g}"
-                )
-            raise ValueError(f"GearPair: {shifts_text} allow no centre distance; {remedy}")
+    if pair.center_distance is None and pair._working_involute <= 0:
+        shifts = f"profile shifts of {pair.pinion.profile_shift:g} and {pair.wheel.profile_shift:g}"
+        remedy = "increase them"
+        if pair.wheel.internal:
+            remedy = (
+                "decrease them: a positive shift makes the teeth of a ring thicker; if the drawing counts it outwards, "
+                f"as many catalogues do, give the opposite sign, profile_shift = {-pair.wheel.profile_shift:g}"
+            )
+        raise ValueError(f"GearPair: {shifts} allow no centre distance; {remedy}")
 
 
 def _check_backlash(pair: GearPair) -> None:

@@ -396,14 +396,12 @@ class RealPairProblem(ScalarConditionProblem):
         The end.
     """
 
+    argument_names = ("end",)
+
     def __init__(self, problem: Any, parameter: str, end: RealPairEvent) -> None:
         curve = end.codimension_one(problem.problem, problem.parameter)
         super().__init__(curve, parameter, lambda point: end.on.function(curve, point.X, dict(point.parameters)))
         self._fixed(end=end)
-
-    @property
-    def arguments(self) -> tuple[Any, ...]:
-        return (vars(self)["end"],)
 
 
 class RealPairEvent(CodimensionTwoEvent):

@@ -68,6 +68,7 @@ class AmplitudeExtremum(MinimallyAugmentedProblem):
     measure: str
     element: int
     S: Array
+    argument_names = ("measure", "element")
 
     @checked_arguments()
     def __init__(self, problem: AnyProblem, parameter: str = "", measure: str = "rms", element: int = 0) -> None:
@@ -83,10 +84,6 @@ class AmplitudeExtremum(MinimallyAugmentedProblem):
             position = int(np.searchsorted(self.problem.orders, _harmonic(measure, self.problem)))
             S[element, 2 * position - 1 : 2 * position + 1] = 1.0
         return S
-
-    @property
-    def arguments(self) -> tuple[Any, ...]:
-        return self.measure, self.element
 
     def base_at(self, X: Array, parameters: dict[str, float]) -> Borders:
         return Borders(self.problem.linearise(X, "", **parameters).size / (1.0 + abs(float(self.S @ (X * X)))))

@@ -49,7 +49,20 @@ class _Pair(NamedTuple):
     rate: complex
 
 
-class NeimarkSackerProblem(MinimallyAugmentedProblem):
+class _PairProblem(MinimallyAugmentedProblem):
+    """Base class of the equations of a complex pair of multipliers, the one with an exponent nearest to ``near``."""
+
+    problem: Any  # a HarmonicBalance
+    near: complex | None
+    argument_names = ("near",)
+
+    @checked_arguments()
+    def __init__(self, problem: AnyProblem, parameter: str = "", near: complex | None = None) -> None:
+        super().__init__(problem, parameter)
+        self._fixed(near=near)
+
+
+class NeimarkSackerProblem(_PairProblem):
     """Neimark-Sacker points (NS): a disturbance e^{st} v(theta) of another frequency has constant amplitude.
 
         D(s) v = 0,   g = Re s;     ds = -(w^H dD v) / (w^H D_s v)
@@ -90,18 +103,6 @@ class NeimarkSackerProblem(MinimallyAugmentedProblem):
     >>> bool(held.tracked["Omega"][0] == curve["NS1"].parameters["Omega"])
     True
     """
-
-    problem: Any  # a HarmonicBalance
-    near: complex | None
-
-    @checked_arguments()
-    def __init__(self, problem: AnyProblem, parameter: str = "", near: complex | None = None) -> None:
-        super().__init__(problem, parameter)
-        self._fixed(near=near)
-
-    @property
-    def arguments(self) -> tuple[Any, ...]:
-        return (self.near,)
 
     def base_at(self, X: Array, parameters: dict[str, float]) -> Borders:
         hill, size = self._hill(X, parameters), self.problem.linearise(X, "", **parameters).size
@@ -225,7 +226,7 @@ class PairMultiplier(Borders):
     multiplier: complex = 1j
 
 
-class PairModulusProblem(MinimallyAugmentedProblem):
+class PairModulusProblem(_PairProblem):
     """Neimark-Sacker points (NS) from multipliers, for laws whose slopes Hill's determinant does not know.
 
         R(X, p) = 0,   g = log |mu(X, p)| = 0
@@ -264,18 +265,6 @@ class PairModulusProblem(MinimallyAugmentedProblem):
     >>> whirl.status.name, bool(np.all(np.diff(whirl.tracked["Omega"]) > 0))
     ('REACHED_END', True)
     """
-
-    problem: Any  # a HarmonicBalance
-    near: complex | None
-
-    @checked_arguments()
-    def __init__(self, problem: AnyProblem, parameter: str = "", near: complex | None = None) -> None:
-        super().__init__(problem, parameter)
-        self._fixed(near=near)
-
-    @property
-    def arguments(self) -> tuple[Any, ...]:
-        return (self.near,)
 
     def base_at(self, X: Array, parameters: dict[str, float]) -> Borders:
         mu = self._multipliers(X, parameters)

@@ -61,14 +61,12 @@ class ThresholdProblem(MinimallyAugmentedProblem):
     quantity: ClassVar[str]
     """Name of the distances among the quantities observed at points."""
 
+    argument_names = ("which",)
+
     @checked_arguments()
     def __init__(self, problem: AnyProblem, parameter: str = "", which: int = 0) -> None:
         super().__init__(problem, parameter)
         self._fixed(which=which)
-
-    @property
-    def arguments(self) -> tuple[Any, ...]:
-        return (self.which,)
 
     @property
     def is_nonsmooth(self) -> bool:

@@ -28,8 +28,31 @@ from hbgear.mechanics.laws.damped_contact import DampedContact
 from hbgear.mechanics.laws.laws import Forces, Law
 
 
+class _ContactWithGap(Law):
+    """Base class of contacts with a gap at one side or at two."""
+
+    k: float
+    gap: float
+    sides: Literal[1, 2]
+
+    def _check(self) -> None:
+        name = type(self).__name__
+        checked(name, "k", self.k, POSITIVE)
+        if self.sides not in (1, 2):
+            raise ValueError(f"{name}: sides = {quoted(self.sides)} must be 1 (a stop) or 2 (a clearance)")
+        checked(name, "gap", self.gap, NOT_NEGATIVE if self.sides == 2 else ANY)
+
+    @property
+    def breakpoints(self) -> tuple[float, ...]:
+        return (self.gap,) if self.sides == 1 or self.gap == 0 else (-self.gap, self.gap)
+
+    @property
+    def steady(self) -> bool:
+        return True
+
+
 @dataclass(frozen=True)
-class HuntCrossley(Law):  # numpydoc ignore=PR02
+class HuntCrossley(_ContactWithGap):  # numpydoc ignore=PR02
     """Contact with a damping that grows with the penetration, one-sided like `Unilateral` or two-sided like `Backlash`.
 
         p = k delta^n max(1 + contact_damping delta', 0),   delta = d - gap > 0;   on two sides p(-d, -d') = -p(d, d')
@@ -79,24 +102,13 @@ class HuntCrossley(Law):  # numpydoc ignore=PR02
     sides: Literal[1, 2] = 1
 
     def __post_init__(self) -> None:
-        checked("HuntCrossley", "k", self.k, POSITIVE)
+        self._check()
         checked("HuntCrossley", "contact_damping", self.contact_damping, NOT_NEGATIVE)
-        if self.sides not in (1, 2):
-            raise ValueError(f"HuntCrossley: sides = {quoted(self.sides)} must be 1 (a stop) or 2 (a clearance)")
-        checked("HuntCrossley", "gap", self.gap, NOT_NEGATIVE if self.sides == 2 else ANY)
         checked("HuntCrossley", "exponent", self.exponent, Range(low=1, high=10))
 
     @property
     def reference(self) -> float:
         return self.k if self.exponent == 1.0 else 0.0
-
-    @property
-    def breakpoints(self) -> tuple[float, ...]:
-        return (self.gap,) if self.sides == 1 or self.gap == 0 else (-self.gap, self.gap)
-
-    @property
-    def steady(self) -> bool:
-        return True
 
     def force(self, d: Array, v: Array, tau: Array) -> Forces:
         side = np.where(d < 0, -1.0, 1.0) if self.sides == 2 else np.ones_like(d)
@@ -109,7 +121,7 @@ class HuntCrossley(Law):  # numpydoc ignore=PR02
 
 
 @dataclass(frozen=True)
-class _SpringAndDamper(Law):
+class _SpringAndDamper(_ContactWithGap):
     """Contact with a spring and a damper in parallel, one-sided or two-sided."""
 
     k: float
@@ -118,24 +130,12 @@ class _SpringAndDamper(Law):
     sides: Literal[1, 2] = 1
 
     def __post_init__(self) -> None:
-        name = type(self).__name__
-        checked(name, "k", self.k, POSITIVE)
-        checked(name, "c", self.c, NOT_NEGATIVE)
-        if self.sides not in (1, 2):
-            raise ValueError(f"{name}: sides = {quoted(self.sides)} must be 1 (a stop) or 2 (a clearance)")
-        checked(name, "gap", self.gap, NOT_NEGATIVE if self.sides == 2 else ANY)
+        self._check()
+        checked(type(self).__name__, "c", self.c, NOT_NEGATIVE)
 
     @property
     def reference(self) -> float:
         return self.k
-
-    @property
-    def breakpoints(self) -> tuple[float, ...]:
-        return (self.gap,) if self.sides == 1 or self.gap == 0 else (-self.gap, self.gap)
-
-    @property
-    def steady(self) -> bool:
-        return True
 
     def force(self, d: Array, v: Array, tau: Array) -> Forces:
         p, stiffness, damping = np.zeros_like(d), np.zeros_like(d), np.zeros_like(d)

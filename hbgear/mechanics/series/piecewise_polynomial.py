@@ -74,13 +74,17 @@ class Pieced:
 
     def times(self, other: Pieced) -> Pieced:
         """Return the product with another function, on the segments of both."""
-        merged = np.unique(np.concatenate([self.at, other.at]))
-        starts = merged[np.diff(merged, prepend=-np.inf) > _PHASE_ROUNDING]
-        a, b = self.rows_at(starts), other.rows_at(starts)
+        starts, a, b = self._on_segments_of_both(other)
         rows = np.zeros((len(starts), a.shape[1] + b.shape[1] - 1))
         for q in range(a.shape[1]):
             rows[:, q : q + b.shape[1]] += a[:, q : q + 1] * b
         return Pieced(starts, rows)
+
+    def _on_segments_of_both(self, other: Pieced) -> tuple[Array, Array, Array]:
+        """Return the phases at which segments of either function start, and the polynomials of both from there on."""
+        merged = np.unique(np.concatenate([self.at, other.at]))
+        starts = merged[np.diff(merged, prepend=-np.inf) > _PHASE_ROUNDING]
+        return starts, self.rows_at(starts), other.rows_at(starts)
 
     def rows_at(self, starts: Array) -> Array:
         """Return the polynomials from given phases on.
@@ -93,9 +97,7 @@ class Pieced:
 
     def plus(self, other: Pieced) -> Pieced:
         """Return the sum with another function, on the segments of both."""
-        merged = np.unique(np.concatenate([self.at, other.at]))
-        starts = merged[np.diff(merged, prepend=-np.inf) > _PHASE_ROUNDING]
-        a, b = self.rows_at(starts), other.rows_at(starts)
+        starts, a, b = self._on_segments_of_both(other)
         rows = np.zeros((len(starts), max(a.shape[1], b.shape[1])))
         rows[:, : a.shape[1]] += a
         rows[:, : b.shape[1]] += b
