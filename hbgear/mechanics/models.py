@@ -126,7 +126,10 @@ class Model(ABC):
 
     @property
     def mesh_names(self) -> Sequence[str]:
-        """Names of the elements that are meshes of teeth. Default: those of `sharing`; () means the first element."""
+        """Names of the elements that are meshes of teeth. Default: those of `sharing`.
+
+        () means the first element of a model with `scales`, and no element of other models.
+        """
         return self.sharing
 
     @property

@@ -16,8 +16,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hbgear.analysis.jump_landings import Landing, landings
-from hbgear.analysis.quantities.axis_quantities import Ordinate, are_meshes
-from hbgear.analysis.quantities.engineering_quantities import problem_along, with_known_problem
+from hbgear.analysis.quantities.axis_quantities import Ordinate
+from hbgear.analysis.quantities.engineering_quantities import OTHER_NAMES, are_meshes, problem_along, with_known_problem
 from hbgear.analysis.quantities.length_units import in_figure
 from hbgear.analysis.summary import (
     certified_header,
@@ -197,7 +197,9 @@ def _quantities(branch: Branch, elements: Sequence[int], with_forces: bool) -> d
         return {}
     branch = replace(branch, problem=problem)
     quantities = {}
-    for name in ("dte", "dynamic factor", "force") if with_forces else ("dte",):
+    is_mesh = any(are_meshes(problem.model, problem.layout))
+    names = ("dynamic factor" if is_mesh else OTHER_NAMES["dynamic factor"], "force") if with_forces else ()
+    for name in ("dte", *names) if is_mesh else names:
         heights = [Ordinate(name, j) for j in elements]
         with suppress(ValueError):  # no static force
             values = [height.along(branch) for height in heights]

@@ -11,8 +11,8 @@ import pytest
 from browser import browser, check_only_own_scripts_run, check_toolbars, clicked, complaints, opened, resized
 
 import hbgear as hb
-from hbgear.analysis.quantities.axis_quantities import are_meshes, usual_measure
-from hbgear.analysis.quantities.engineering_quantities import transmission_error
+from hbgear.analysis.quantities.axis_quantities import usual_measure
+from hbgear.analysis.quantities.engineering_quantities import are_meshes, transmission_error
 from hbgear.analysis.summary import summary_facts, title_of
 from hbgear.cli.app import main
 from hbgear.common import optional

@@ -117,4 +117,4 @@ def test_command_prints_no_factor(curve, tmp_path):
     curve.save(path)
     result = CliRunner().invoke(cli.app, ["results", str(path), "--element", "y"])
     assert result.exit_code == 0, result.output
-    assert "undefined: static force is zero" in result.output
+    assert "undefined: mean force is zero" in result.output

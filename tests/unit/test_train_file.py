@@ -76,6 +76,18 @@ def file(tmp_path):
     return path
 
 
+def test_safe_speeds_of_a_double_helical_pair_are_those_of_both_halves():
+    """The left half keeps contact at points where the right one, later by an eighth of a cycle, loses it."""
+    model = hb.gears.DoubleHelicalPair(zeta=0.05, stagger=np.pi / 4)
+    curve = hb.trace(hb.HarmonicBalance(model, 8), "Omega", model.default_span, stability=False)
+    speeds = model.scales.pinion_speed(curve.values)
+    lowest = np.array([[point.samples(name, 2000)[1].min() for name in model.mesh_names] for point in curve])
+    lost = (lowest < 1).any(axis=1)
+    assert (lost != (lowest[:, 0] < 1)).any()
+    ranges = contact_lost(model, curve)
+    assert [any(low <= n <= high for low, high in ranges) for n in speeds] == lost.tolist()
+
+
 def test_a_file_is_the_train(file):
     train = read_train(file)
     pair = gear_pair((25, 30))

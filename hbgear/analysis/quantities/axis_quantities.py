@@ -15,7 +15,13 @@ from typing import Any, Literal
 
 import numpy as np
 
-from hbgear.analysis.quantities.engineering_quantities import machine_quantities, problem_along, transmission_error
+from hbgear.analysis.quantities.engineering_quantities import (
+    OTHER_NAMES,
+    are_meshes,
+    machine_quantities,
+    problem_along,
+    transmission_error,
+)
 from hbgear.analysis.quantities.length_units import MICROMETRE, dimension_of, in_figure, in_micrometres
 from hbgear.common.arrays import Array
 from hbgear.common.text.digits import short
@@ -43,7 +49,7 @@ SHORT_NAMES = {"dte": "dte, half peak-to-peak", "force": "force, largest", "acce
 DTE = "dte, half peak-to-peak"
 """Name of the dynamic transmission error among the engineering quantities."""
 
-QUANTITIES = (*SHORT_NAMES, *SHORT_NAMES.values(), "dynamic factor", "force, static", "acceleration, level")
+QUANTITIES = (*SHORT_NAMES, *SHORT_NAMES.values(), *OTHER_NAMES, *OTHER_NAMES.values(), "acceleration, level")
 """Names of engineering quantities that may be shown instead of an amplitude."""
 
 SPEED_LABEL = "speed of the pinion [r/min]"
@@ -68,20 +74,6 @@ def same_unit_of_amplitude(branches: Sequence[Branch]) -> bool:
     """Return whether the amplitudes of branches have one unit: all models have a unit of length, or none of them."""
     has_length = {length_scale(model_of(branch), branch.parameters_at(0)) is not None for branch in branches}
     return len(has_length) == 1
-
-
-def are_meshes(model: Model | None, layout: Layout) -> list[bool]:
-    """Return whether each element of a model is a mesh of teeth; the first element is one if the model names none.
-
-    Examples
-    --------
-    >>> import hbgear as hb
-    >>> pair = hb.gears.GearRotorBearing()
-    >>> are_meshes(pair, hb.HarmonicBalance(pair, 3).layout)
-    [True, False, False]
-    """
-    names = model.mesh_names if model is not None else ()
-    return [name in names if names else number == 0 for number, name in enumerate(layout.elements)]
 
 
 def usual_measure(branch: Branch, dimensionless: bool = False, element: int | str = 0) -> str:
@@ -385,7 +377,7 @@ class Ordinate:
 
     def _quantity(self, motions: Branch | Point) -> Array:
         """Return an engineering quantity of the points of a branch, or of one point."""
-        if self.measure == DTE:
+        if self.measure in (DTE, OTHER_NAMES[DTE]):
             return transmission_error(motions, self.element)
         quantities = machine_quantities(motions, self.element, self.dof)
         try:

@@ -34,11 +34,13 @@ from hbgear.common.text.messages import quoted
 from hbgear.common.text.symbols import shown_unit, unit_of
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point, dof_index
+from hbgear.harmonic.equations.layout import Layout
 from hbgear.harmonic.forces.breakpoints import gap_samples
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.harmonic.models.frequency_units import length_scale, speeds_at
 from hbgear.harmonic.models.model_registry import rebuild_problem
 from hbgear.mechanics.laws.mesh_contacts import MeshContacts
+from hbgear.mechanics.models import Model
 from hbgear.mechanics.series.fourier import evaluate, stretch, to_complex, to_real
 from hbgear.mechanics.series.measures import derivative, half_peak_to_peak, rms
 from hbgear.mechanics.structures.elements import Reaction
@@ -48,6 +50,13 @@ REFERENCE = 1e-6
 
 _UNKNOWN_UNIT = "model units"
 """Unit of quantities of a model that states none."""
+
+OTHER_NAMES = {
+    "dte, half peak-to-peak": "displacement, half peak-to-peak",
+    "force, static": "force, mean",
+    "dynamic factor": "largest / mean force",
+}
+"""Quantities of a mesh, and their names for an element that is no mesh. Both find the quantity of any element."""
 
 _FRICTION_PHASES = 4096
 """Number of phases of a period at which the friction of a mesh is evaluated."""
@@ -59,6 +68,8 @@ _REACTION_PHASES = 1024
 @dataclass(frozen=True, eq=False)
 class MachineQuantities:
     """Quantities at each point of a branch as columns; the unit is part of the name.
+
+    An element that is no mesh has a "displacement" instead of "dte", and its mean force instead of the static one.
 
     Attributes
     ----------
@@ -101,7 +112,8 @@ class MachineQuantities:
             If there is no such column.
         """
         for column in self.columns:
-            if name in (column, column.partition(" [")[0]):
+            bare = column.partition(" [")[0]
+            if name in (column, bare) or bare == OTHER_NAMES.get(name) or name == OTHER_NAMES.get(bare):
                 return column
         names = ", ".join(quoted(column.partition(" [")[0]) for column in self.columns)
         raise KeyError(f"there is no quantity {quoted(name)}; choose one of {names}")
@@ -200,6 +212,21 @@ def transmission_error(motions: Branch | Point, element: int | str = 0) -> Array
     return values
 
 
+def are_meshes(model: Model | None, layout: Layout) -> list[bool]:
+    """Return whether each element of a model is a mesh of teeth, see `Model.mesh_names`.
+
+    Examples
+    --------
+    >>> import hbgear as hb
+    >>> pair = hb.gears.GearRotorBearing()
+    >>> are_meshes(pair, hb.HarmonicBalance(pair, 3).layout)
+    [True, False, False]
+    """
+    names = model.mesh_names if model is not None else ()
+    first = model is not None and model.scales is not None
+    return [name in names if names else first and number == 0 for number, name in enumerate(layout.elements)]
+
+
 def problem_along(branch: Branch, problem: Any = None) -> HarmonicBalance:
     """Return the harmonic balance of a branch: the given one, its own, or the one that its file describes.
 
@@ -279,12 +306,14 @@ def _columns(
                 for name in (speeds[0] if speeds else ())}  # fmt: skip
     values = np.array([_of_motion(problem, row, parameters, index) for row, parameters in zip(X, sets, strict=True)])
     friction = [_friction(problem, row, set_, index, scale) for row, set_, scale in zip(X, sets, scales, strict=True)]
+    is_mesh = are_meshes(problem.model, problem.layout)[index]
+    error, static, factor = OTHER_NAMES if is_mesh else OTHER_NAMES.values()
     columns |= {
-        f"dte, half peak-to-peak [{length_unit}]": values[:, 0] * length * (1e6 if has_units else 1.0),
+        f"{error} [{length_unit}]": values[:, 0] * length * (1e6 if has_units else 1.0),
         f"force, largest [{force_unit}]": values[:, 1] * force,
-        f"force, static [{force_unit}]": values[:, 2] * force,
-        "dynamic factor [-]": values[:, 3],
-    }  # fmt: skip
+        f"{static} [{force_unit}]": values[:, 2] * force,
+        f"{factor} [-]": values[:, 3],
+    }
     if friction[0] is not None:
         columns[f"friction across, largest [{force_unit}]"] = np.array([row[0] for row in friction if row]) * force
         columns["efficiency [-]"] = np.array([row[1] for row in friction if row])

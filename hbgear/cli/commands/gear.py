@@ -273,8 +273,9 @@ def _largest(
         if name.partition(" [")[0] in ("curve", "stable", "Omega", "mesh", "pinion", first.parameter):
             continue
         if not np.isfinite(values[stable]).any():
-            yield [name, "undefined: static force is zero" if name.startswith("dynamic factor") else "-", "-"]
-        elif asymptotes and not (", static" in name or name.startswith("efficiency")):
+            zero = {"dynamic factor [-]": "static", "largest / mean force [-]": "mean"}.get(name)
+            yield [name, f"undefined: {zero} force is zero" if zero else "-", "-"]
+        elif asymptotes and not (", static" in name or ", mean" in name or name.startswith("efficiency")):
             yield [name, "unbounded", OmegaAxis.of(first.require_problem().model).number(min(asymptotes))]
         else:
             sizes = np.abs(values) if name.startswith("force") else values  # negative if the wheel drives

@@ -106,6 +106,11 @@ class MeshExcitation(Model):
         return scales_of(type(self).__name__, self.reference, self.mesh_order)
 
     @property
+    def mesh_names(self) -> tuple[str, ...]:
+        """Names of the elements that are meshes."""
+        return ("gap",)
+
+    @property
     def orders(self) -> dict[str, float]:
         """Frequency of the mesh over Omega, if it differs from Omega."""
         return {"mesh": float(self.mesh_order)} if self.mesh_order > 1 else dict(super().orders)

@@ -193,6 +193,11 @@ class DoubleHelicalPair(DoubleHelicalGeometry):  # numpydoc ignore=PR02
         e = Series(sine=self.e) if self.error is None else self.error
         return e.scaled(self.e_sign * self.e_scale).shifted(self.e_phase)
 
+    @property
+    def mesh_names(self) -> tuple[str, str]:
+        """Names of the elements that are meshes, of the left and the right half."""
+        return "gap L", "gap R"
+
     def system(self) -> System:
         """Return the dimensionless equations of motion with the elements "gap L" and "gap R".
 
@@ -209,7 +214,7 @@ class DoubleHelicalPair(DoubleHelicalGeometry):  # numpydoc ignore=PR02
                 damping=2 * self.zeta,
                 name=name,
             )
-            for w, lag, name in zip(self.mesh_vectors().T, (0.0, self.stagger), ("gap L", "gap R"), strict=True)
+            for w, lag, name in zip(self.mesh_vectors().T, (0.0, self.stagger), self.mesh_names, strict=True)
         ]
         SS = np.outer(S, S)
         return System(

@@ -217,6 +217,10 @@ class DrawnPair(Model):  # numpydoc ignore=PR02
         return self.equations.sharing
 
     @property
+    def mesh_names(self) -> Sequence[str]:
+        return self.equations.mesh_names
+
+    @property
     def orders(self) -> Mapping[str, float]:
         return self.equations.orders
 
