@@ -33,6 +33,7 @@ from hbgear.plot.style import (
     WIDTHS,
     add_legend,
     axes_or_new,
+    branch_colours,
     dress,
     heighten,
     in_words,
@@ -177,7 +178,8 @@ def responses(
     Labels of special points contain the number of their branch, such as "LP1 (2)"; the legend has the same numbers.
     A jump may land on any of the branches. Branches of tori and backbones may be among them; the default measure is
     then "pp2". Where a branch goes to infinity, an arrow marks its end and a dotted line
-    its asymptote. One branch alone is drawn as by `response`.
+    its asymptote. One branch alone is drawn as by `response`. Colours of more than eight branches run from dark to
+    light, the legend names eight of them, and special points have no labels.
 
     Parameters
     ----------
@@ -235,16 +237,16 @@ def responses(
     branches = [height.prepared(branch) for branch in branches]
     with styled():
         ax = axes_or_new(ax, (6.4, 3.8))
+        colours, shown = branch_colours(len(branches)), _evenly(len(branches), len(BRANCHES))
         for i, branch in enumerate(branches):
             name = f"({i + 1}) {names[i]}" if names else f"branch {i + 1}"
-            colour = BRANCHES[i % len(BRANCHES)]
-            _curve(ax, branch, abscissa.along(branch), height.along(branch), element, colour, name, WIDTHS)
+            _curve(ax, branch, abscissa.along(branch), height.along(branch), element, colours[i],
+                   name if i in shown else "_curve", WIDTHS)  # fmt: skip
         for branch, branch_landings in zip(branches, landings(branches), strict=True):
             for landing in branch_landings:
                 _arrow(ax, branch, landing.jump, abscissa, height)
         for branch in branches:
-            _marks(ax, branch, abscissa, height, numbered=True)
-        colours = [BRANCHES[i % len(BRANCHES)] for i in range(len(branches))]
+            _marks(ax, branch, abscissa, height, numbered=True, labelled=len(shown) == len(branches))
         _mark_infinity(ax, branches, colours, abscissa, height, is_empty)
         _name(ax, branches[0], abscissa, height)
         if (is_new if speeds is None else speeds) and scaled_axes(ax, abscissa.above) and is_new:
@@ -252,6 +254,11 @@ def responses(
         if legend:
             add_legend(ax, outside=is_new, widths=True)
     return ax
+
+
+def _evenly(count: int, largest: int) -> set[int]:
+    """Return the numbers of all of ``count`` items, or those of ``largest`` items from the first to the last one."""
+    return set(np.linspace(0, count - 1, min(count, largest)).round().astype(int).tolist())
 
 
 def speed_axes(ax: Axes, branches: Sequence[Branch]) -> list[Any]:
@@ -390,8 +397,10 @@ def _arrow(ax: Axes, branch: Branch, jump: Jump, abscissa: Abscissa, height: Ord
     ax.annotate("", xy=end, xytext=start, arrowprops=style, zorder=3, gid="jump")
 
 
-def _marks(ax: Axes, branch: Branch, abscissa: Abscissa, height: Ordinate, numbered: bool = False) -> None:
-    """Draw symbols of the special points, filled if certified; all but grazing points have labels."""
+def _marks(
+    ax: Axes, branch: Branch, abscissa: Abscissa, height: Ordinate, numbered: bool = False, labelled: bool = True
+) -> None:
+    """Draw symbols of the special points, filled if certified; all but grazing points may have labels."""
     from hbgear.plot.labels import labels_of
 
     labels = labels_of(ax)
@@ -406,4 +415,4 @@ def _marks(ax: Axes, branch: Branch, abscissa: Abscissa, height: Ordinate, numbe
         around = branch.values[max(point.index - 1, 0) : point.index + 2]
         side = (1 if point.kind != "LP" or x >= around.mean() else -1, 0)
         text = f"{point.label} ({labels.curves})" if numbered else point.label
-        labels.add(line, labels.curves, point.kind, text, point.kind != "GR", side)
+        labels.add(line, labels.curves, point.kind, text, labelled and point.kind != "GR", side)

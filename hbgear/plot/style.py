@@ -82,6 +82,22 @@ BRANCHES = ("#0072b2", "#d55e00", "#009e73", "#b3478c", "#000000", "#e69f00", "#
 """Colours of several branches in this order; also colour-blind readers can distinguish them (after Okabe and Ito)."""
 
 
+def branch_colours(count: int) -> list[str]:
+    """Return the colours of several branches: `BRANCHES`, or from dark to light if there are more branches.
+
+    Examples
+    --------
+    >>> branch_colours(2) == list(BRANCHES[:2]), len(set(branch_colours(30)))
+    (True, 30)
+    """
+    if count <= len(BRANCHES):
+        return list(BRANCHES[:count])
+    import matplotlib
+
+    light = 0.9  # the lightest colours are not visible on white
+    return [matplotlib.colors.to_hex(x) for x in matplotlib.colormaps["viridis"](np.linspace(0, light, count))]
+
+
 WIDTHS = {
     "no_impact": 1.1, "single_sided": 2.0, "double_sided": 3.0,
     "stick": 1.1, "partial_slip": 2.0, "gross_slip": 3.0, "unknown": 1.3,

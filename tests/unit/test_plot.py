@@ -389,6 +389,18 @@ def label_boxes(ax):
     return {text.get_text(): text.get_window_extent(renderer) for text in texts}
 
 
+def test_thirty_curves_leave_space_for_the_axes():
+    """Thirty entries of the legend were higher than the figure, and eight colours were repeated."""
+    ax = plot.responses([resonance()] * 30, names=[f"design {i}" for i in range(1, 31)])
+    ax.figure.canvas.draw()
+    assert ax.get_position().height > 0.6 and ax.get_position().width > 0.4
+    lines = [line for line in ax.lines if str(line.get_gid()).startswith("branch")]
+    assert len({str(line.get_color()) for line in lines}) == 30
+    texts = [text.get_text() for text in ax.get_legend().get_texts() if "design" in text.get_text()]
+    assert len(texts) == 8 and (texts[0], texts[-1]) == ("(1) design 1", "(30) design 30")
+    assert not any("(" in text.get_text() for text in ax.texts)
+
+
 def test_several_branches_have_their_own_colours_names_and_labels():
     one, two = resonance(), resonance(k3=-0.11)
     ax = plot.responses((one, two))
