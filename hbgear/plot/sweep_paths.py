@@ -20,6 +20,7 @@ from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point
 from hbgear.harmonic.equations.layout import layout_of
 from hbgear.plot.curves import name_axes
+from hbgear.plot.motions import FLOOR
 from hbgear.plot.style import (
     BRANCHES,
     GREY,
@@ -121,6 +122,8 @@ def orders(
 ) -> Axes:  # fmt: skip
     """Draw order cuts: amplitudes of harmonics of the excitation along a run, on a logarithmic axis or in dB.
 
+    The axis ends 120 dB below the largest value if there are smaller ones, such as those without contact.
+
     Parameters
     ----------
     found : RunUp
@@ -189,11 +192,19 @@ def orders(
         else:
             title = level_title(branch, quantity, dimensionless)
             ax.set_ylabel(re.sub(r"re 1 u(?=[mN])", "re 1 \N{MICRO SIGN}", title))
-
+        _end_at_floor(ax, quantity is None)
         dress_with_speeds(ax, abscissa.above if is_new else {})
         if legend:
             add_legend(ax)
     return ax
+
+
+def _end_at_floor(ax: Axes, log: bool) -> None:
+    """End the axis of amplitudes (``log``) or of levels 120 dB below the largest one: less is rounding error."""
+    low, top = ax.dataLim.intervaly
+    floor = FLOOR * top if log else top + 20 * np.log10(FLOOR)
+    if low < floor:
+        ax.set_ylim(floor, 2 * top if log else top + 6)
 
 
 @checked_arguments()

@@ -239,6 +239,17 @@ def test_order_cuts_satisfy_the_equation_of_motion(order, zeta):
     assert hb.analysis.order_amplitudes(curve[3], "force", order)[0] == force[3]
 
 
+@pytest.mark.parametrize("quantity", [None, "force"])
+def test_axes_of_orders_have_no_rounding_errors(quantity):
+    """Without contact the order 2 is zero, or 1e-50; the axis ends 120 dB below the largest amplitude."""
+    curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(zeta=0.1), 8), "Omega", (1.5, 0.6))
+    axes = hb.plot.orders(hb.analysis.run_up(curve, "up"), (1, 2), quantity=quantity)
+    low, high = axes.get_ylim()
+    top = max(line.get_ydata().max() for line in axes.lines)
+    assert min(line.get_ydata().min() for line in axes.lines) < low < top < high
+    assert low == pytest.approx(1e-6 * top if quantity is None else top - 120)
+
+
 def test_levels_of_orders_state_their_reference():
     model = gear_pair().model("200 N m", 0.04, mesh="tangent")
     with pytest.warns(hb.mechanics.ImplausibleInputWarning):
