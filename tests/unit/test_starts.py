@@ -7,6 +7,7 @@ import pytest
 
 import hbgear as hb
 from hbgear.continuation.curve.segment import CurvePoint, Segment
+from hbgear.harmonic.balance import initial_guess
 from hbgear.harmonic.balance.initial_guess import from_damped
 from hbgear.harmonic.equations.static_state import static_states
 from hbgear.time.integration import state_of
@@ -125,6 +126,33 @@ def test_a_path_of_dampers_ends_on_the_linear_response():
     response = 0.3 / (2.0 - 1.3**2 + 0.13j)
     np.testing.assert_allclose(X[1:3], [response.real, -response.imag], rtol=0, atol=1e-9)
     np.testing.assert_allclose(np.delete(X, [1, 2]), 0, atol=1e-9)
+
+
+@pytest.mark.slow
+def test_long_searches_end_early_with_advice(monkeypatch):
+    """Teeth that rattle have no motion near static states: with 73 to 273 unknowns the search took up to minutes."""
+    refused = pytest.fail
+    monkeypatch.setattr(initial_guess, "continue_from_nearby_frequency", lambda *_: refused("takes minutes"))
+    monkeypatch.setattr(initial_guess, "MANY_UNKNOWNS", 60)
+    pinion, wheel = (hb.gears.Gear(teeth=z, module="3 mm", face_width="20 mm") for z in (25, 40))
+    pair = hb.GearPair(pinion, wheel, backlash="80 um")
+    problem = hb.HarmonicBalance(pair.model(0, 0.04, torque_orders={2: "60 N m"}), 8)
+    with pytest.raises(hb.NoConvergence, match=r"time\.sweep.*fewer harmonics"):
+        problem.start(Omega=0.03)
+    assert np.isfinite(problem.with_order(1, 4).start(Omega=0.03)).all()
+
+
+def test_the_search_at_other_frequencies_goes_on_after_a_motion_without_contact(monkeypatch):
+    """No curve begins at such a motion, whose mean is arbitrary; the error ended the search."""
+    problem, visited = hb.HarmonicBalance(hb.SpurPair(F_m=0.0), 4), []
+
+    def solution(_, parameters):
+        visited.append(parameters["Omega"])
+        return np.zeros(9)
+
+    monkeypatch.setattr(initial_guess, "_solution_from_guesses", solution)
+    assert initial_guess.continue_from_nearby_frequency(problem, {"Omega": 1.0}) is None
+    assert len(visited) == 8
 
 
 # ---- without contact

@@ -31,7 +31,7 @@ def find_motion(problem: Any, parameters: dict[str, float]) -> Array:
     """Return a periodic motion of a `HarmonicBalance` at the given parameters.
 
     Newton starts from the `initial_guesses`, then from static states with dampers that are removed along a path, and
-    last from a motion at another frequency.
+    last from a motion at another frequency, unless the problem has many unknowns.
 
     Raises
     ------
@@ -40,14 +40,26 @@ def find_motion(problem: Any, parameters: dict[str, float]) -> Array:
     """
     try:
         return _solution_from_guesses(problem, parameters)
-    except NoConvergence:
+    except NoConvergence as error:
         with suppress(NoConvergence):
             return from_damped(problem, parameters).X
+        if problem.size > MANY_UNKNOWNS:
+            raise NoConvergence(f"{error}; {_ADVICE}", error.X, error.parameters, error.residuals) from None
         # a fold may end the motions near these guesses; at another frequency they can be close to a motion
         X = continue_from_nearby_frequency(problem, parameters)
         if X is None:
             raise
         return X
+
+
+MANY_UNKNOWNS = 150
+"""Number of unknowns above which the search is shorter, because it takes minutes: as of a gear pair with a torque that
+varies over a revolution. Its motions with impacts, mostly unstable, are far from all guesses, which have none."""
+
+_ADVICE = (
+    "there may be no stable motion of one period here, as where teeth rattle: integrate in time (hb.time.sweep), give "
+    "fewer harmonics, or start at another frequency"
+)
 
 
 def _solution_from_guesses(problem: Any, parameters: dict[str, float]) -> Array:
@@ -120,7 +132,8 @@ def from_damped(problem: Any, parameters: dict[str, float]) -> Solution:
         d[:, 0] = static.d
         X = to_real(d).ravel()
         try:
-            return solve_along(_DampedBalance(problem, parameters), problem, X, parameters, steps=600)
+            steps = 600 if problem.size <= MANY_UNKNOWNS else 200  # paths that reach a motion have 30 to 190
+            return solve_along(_DampedBalance(problem, parameters), problem, X, parameters, steps)
         except NoConvergence as error:
             failure = failure or error
     raise failure or NoConvergence("there is no static state", np.zeros(problem.size), parameters, [])
@@ -140,12 +153,12 @@ def continue_from_nearby_frequency(problem: Any, parameters: dict[str, float]) -
     for nearby_Omega in (Omega * factor for factor in _FREQUENCY_FACTORS):
         try:
             X = _solution_from_guesses(problem, {**parameters, "Omega": nearby_Omega})
-        except NoConvergence:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # warnings about the auxiliary branch are of no use
+                curve = trace(problem, "Omega", (nearby_Omega, Omega), X, at=fixed, steps=StepControl(max_points=1000),
+                              stability=False, special=False, cover=False)  # fmt: skip
+        except NoConvergence:  # also of a motion without contact, from which no curve begins: its mean is arbitrary
             continue
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # warnings about the auxiliary branch are of no use
-            curve = trace(problem, "Omega", (nearby_Omega, Omega), X, at=fixed, steps=StepControl(max_points=1000),
-                          stability=False, special=False, cover=False)  # fmt: skip
         if curve.values[-1] == Omega:
             with suppress(NoConvergence):  # with the harmonics of the problem
                 return solve(problem, problem.from_point(curve[-1]), parameters).X
