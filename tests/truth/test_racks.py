@@ -43,6 +43,25 @@ def test_geometry_of_rack_and_pinion(x_1, x_2, helix):
     assert pair.equivalent_mass == pytest.approx(1 / (r_b**2 / p.inertia_used + cos(alpha) ** 2 / 4.0), rel=1e-6)
 
 
+def test_the_standard_pinion_of_17_teeth_meshes_with_a_rack():
+    """The tips of the rack pass the base circle by .0058 module, less than the undercut that needs no warning.
+
+    The path begins at the base circle, so that it is that of higher racks and of large wheels. It was refused, although
+    16 teeth, with a warning, were not.
+    """
+    small = hb.gears.Gear(17, "3 mm", "20 mm")
+    r, r_b, r_a, alpha = 25.5, 25.5 * cos(radians(20)), 28.5, radians(20)
+    assert r * sin(alpha) ** 2 < 3 < r * sin(alpha) ** 2 + 0.02 * 3
+    ratio = hb.GearPair(small, rack(), "80 um").contact_ratio
+    assert ratio == pytest.approx(sqrt(r_a**2 - r_b**2) / (3 * pi * cos(alpha)), abs=4e-3)
+    others = rack(addendum=1.01), hb.gears.Gear(8000, "3 mm", "20 mm")
+    assert [hb.GearPair(small, other, "80 um").contact_ratio for other in others] == pytest.approx(
+        [ratio] * 2, abs=1e-6
+    )
+    with pytest.raises(ValueError, match="below its base circle"):
+        hb.GearPair(small, rack(addendum=1.02), "80 um")
+
+
 def test_given_distance_leaves_the_backlash_of_straight_flanks():
     wide = hb.GearPair(pinion(), rack(), center_distance=0.0375 + 1e-4)
     assert wide.backlash_as("circumferential") == pytest.approx(2 * 1e-4 * np.tan(radians(20)), rel=1e-4)

@@ -23,7 +23,7 @@ import numpy as np
 
 from hbgear.common.arrays import Array
 
-UNDERCUT_ROUNDING = 1e-6
+UNDERCUT_ROUNDING = 1e-4
 """Undercut relative to the depth of the straight flank that counts as rounding; its effect is of second order."""
 
 

@@ -25,7 +25,7 @@ from math import acos, asin, cos, hypot, pi, sin, sqrt
 
 import numpy as np
 
-from hbgear.gears.drawing.gear import FILLET_STEPS, Gear
+from hbgear.gears.drawing.gear import FILLET_STEPS, TOLERATED_UNDERCUT, Gear
 from hbgear.gears.drawing.geometry import involute
 
 DEPTH_TOLERANCE = 1e-3
@@ -148,7 +148,8 @@ class Engagement:
     def _check_pinion(self, name: str) -> None:
         g, s, tip, mm = self.pinion, self.tip_contact, self.wheel.tip_diameter_used, 1e3
         form = g.form_diameter
-        if g.undercut:
+        beyond = -s * sin(self.pressure)  # depth below the point at which the line of action touches the base circle
+        if g.undercut or (not g.rack and 0 < beyond <= TOLERATED_UNDERCUT * g.module):
             depth = self.root_overlap(tip)
             if depth <= DEPTH_TOLERANCE * g.module:
                 return

@@ -172,12 +172,12 @@ class GearPair:  # numpydoc ignore=PR02
     def path(self) -> tuple[float, float]:
         """Start A and end E of contact along the line of action, from the base circle of the pinion [m].
 
-        They are the tips of the gears, or the ends of the involutes of undercut teeth.
+        They are the tips of the gears, or the ends of the involutes of teeth that are undercut or that the tips pass.
         """
         begin, end = self.engagement.tip_contact, tip_distance(self.pinion)
-        if self.pinion.undercut:
+        if self.pinion.undercut or begin < 0:
             begin = max(begin, form_position(self.pinion))
-        if self.wheel.undercut:
+        if self.wheel.undercut or (not self.wheel.internal and end > self.tangent_length):
             end = min(end, self.tangent_length - form_position(self.wheel))
         return begin, end
 
