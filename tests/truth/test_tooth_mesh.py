@@ -7,7 +7,7 @@ import pytest
 
 import hbgear as hb
 from hbgear.analysis.quantities.engineering_quantities import problem_along
-from hbgear.gears.mesh.tooth_mesh import tooth_mesh
+from hbgear.gears.mesh.tooth_mesh import mirror_phase, tooth_mesh
 
 TURN = 2 * np.pi
 
@@ -50,6 +50,21 @@ def test_back_flanks_of_equal_gears_follow_half_a_pitch_later():
     assert (drive.side, back.side) == (1, -1)
     assert back.stiffness.nodes[0] == pytest.approx(0.5, abs=1e-9)
     assert back.stiffness.nodes[-1] == pytest.approx(0.5 + drive.stiffness.length, abs=1e-9)
+
+
+@pytest.mark.parametrize("helix", [0.0, 15.0, 30.0])
+def test_mean_meshes_of_back_flanks_have_the_phase_of_the_pairs_of_teeth(helix):
+    """The last slice of helical driving flanks is the first of the back flanks: mean meshes were late by the overlap
+    ratio. Their tables, which figures of a wheel that drives show, were those of the driving flanks."""
+    pair, phase = drawing(0.0, helix), (np.arange(300) + 0.37) / 300
+    contacts = pair.model("-200 N m", 0.04).contacts.contacts
+    pairs = sum(contact.stiffness(TURN * phase) for contact in contacts if contact.side < 0)
+    mean = pair.model("-200 N m", 0.04, mesh="secant").stiffness(TURN * phase)
+    table = pair.mesh("200 N m").mirrored(mirror_phase(pair))
+    for values in (mean, table.stiffness(phase)):
+        np.testing.assert_allclose(values / values.mean(), pairs / pairs.mean(), rtol=0, atol=1e-3)
+    assert np.ptp(pairs) > 0.02 * pairs.mean()
+    assert table.stiffness.mean == pytest.approx(pair.mesh("200 N m").stiffness.mean, rel=1e-9)
 
 
 @pytest.mark.parametrize("helix", [0.2, 0.0])

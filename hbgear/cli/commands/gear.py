@@ -298,6 +298,7 @@ def _trace_and_report(
     machine: Machine, count: int | str, by_default: bool, output: Path | None, plot: Path, dimensionless: bool,
 ) -> hb.Branch:  # fmt: skip
     """Trace the curve of a machine, write its files and print its tables."""
+    from hbgear.gears.mesh.tooth_mesh import mirror_phase
     from hbgear.io.machines.machine_file import write_machine
 
     cycle = machine.mesh
@@ -314,7 +315,8 @@ def _trace_and_report(
         works += [partial(alternative, assumption) for assumption in alternatives(model, by_default)]
     with without_relief_warning(), begun(lambda work, stop: work(stop), works) as results, outputs() as out:
         out.write(output, lambda path: write_machine(machine, path, ("A gear pair; see hbgear trace, hbgear speed.",)))
-        out.figure(plot, methodcaller("drive", cycle, curve))
+        loaded = cycle if machine.torque >= 0 else cycle.mirrored(mirror_phase(machine.pair))
+        out.figure(plot, methodcaller("drive", loaded, curve))
         print_table(["gears", "pinion", "wheel"], list(gear_tables.gears(machine.pair)))
         print_table(["mesh", ""], list(gear_tables.mesh(machine, cycle, model)))
         computed = [future.result() for future in results[1:]]

@@ -97,6 +97,17 @@ class MeshTable:  # numpydoc ignore=PR02
             fraction = np.where(after > before, (x - before) / (after - before), 0.0)
         return self.value[right - 1] + fraction * (self.value[right] - self.value[right - 1])
 
+    def mirrored(self, phase: float) -> MeshTable:
+        """Return the table of f(phase - x), of the back flanks; ``phase`` is `tooth_mesh.mirror_phase`."""
+        turned = phase % 1.0
+        x, y = turned - self.phase[::-1], self.value[::-1]
+        at_start = np.interp(0.0, x, y)
+        first, second = x > 0, x < 0
+        phases = np.concatenate([[0.0], x[first], x[second] + 1.0, [1.0]])
+        values = np.concatenate([[at_start], y[first], y[second], [at_start]])
+        is_new = np.append(True, (np.diff(phases) > 0) | (np.diff(values) != 0))  # the ends of the table meet
+        return MeshTable(phases[is_new], values[is_new])
+
     def function(self, tolerance: float = 0.0) -> Phased:
         """Return the table as a function of the phase tau, including its jumps, for use in models.
 
@@ -227,6 +238,10 @@ class MeshCycle:  # numpydoc ignore=PR02
         x = _joined(self.stiffness.phase, self.error.phase)
         k, e = _at(self.stiffness, x), _at(self.error, x)
         return MeshTable(x, e + (self.force or 0.0) / k)
+
+    def mirrored(self, phase: float) -> MeshCycle:
+        """Return the cycle of the back flanks, under a negative torque; see `MeshTable.mirrored`."""
+        return MeshCycle(self.stiffness.mirrored(phase), self.error.mirrored(phase), self.force)
 
     def functions(self, force: float) -> tuple[float, Phased, Phased]:
         """Return k_mean [N/m], k(tau)/k_mean and e(tau) [m] without jumps, in the form required by the models.

@@ -204,6 +204,14 @@ def tooth_centre(pair: GearPair) -> float:
     return float((middle - pair.path[0]) / pair.base_pitch)
 
 
+def mirror_phase(pair: GearPair) -> float:
+    """Return the phase c [mesh periods]: the mesh of the back flanks at tau is that of the driving flanks at c - tau.
+
+    It is 2 u_c for each slice, and the last slice of the driving flanks is the first one of the back flanks.
+    """
+    return 2 * tooth_centre(pair) + pair.overlap_ratio
+
+
 class _Path:
     """Stiffness and gap over the path of contact of the slices of a pair of teeth.
 

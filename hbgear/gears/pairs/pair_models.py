@@ -14,7 +14,8 @@ largest common frequency of them, too.
 
 A negative torque loads the back flank: the wheel drives, and F_m < 0. A pair of teeth is symmetric about its middle, so
 that the back flank at the phase tau is the driving flank at 2 tau_c - tau, where tau_c is the phase at which the tooth
-of the pinion lies on the line of centres: k(2 tau_c - tau) and -e(2 tau_c - tau) replace a mean mesh.
+of the pinion lies on the line of centres in the middle of the face width: k(2 tau_c - tau) and -e(2 tau_c - tau)
+replace a mean mesh.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ from hbgear.common.text.messages import quoted
 from hbgear.common.units import QuantityField, to_si
 from hbgear.gears.mesh.mesh_cycle import MeshCycle
 from hbgear.gears.mesh.mesh_models import MeshModel, mesh_model
-from hbgear.gears.mesh.tooth_mesh import tooth_centre
+from hbgear.gears.mesh.tooth_mesh import mirror_phase
 from hbgear.gears.pairs.helical import HelicalPair
 from hbgear.gears.pairs.rotor_bearing import GearRotorBearing
 from hbgear.gears.pairs.spur import SpurPair
@@ -165,7 +166,7 @@ def _on_back_flanks(mesh: MeshModel, pair: GearPair) -> MeshModel:
     """Return a mean mesh whose loaded flanks are the back flanks; contacts have both flanks."""
     if mesh.stiffness is None:
         return mesh
-    shift = 4 * pi * tooth_centre(pair)
+    shift = 2 * pi * mirror_phase(pair)
     error = None if mesh.error is None else mesh.error.reversed().shifted(shift).scaled(-1.0)
     return mesh._replace(stiffness=mesh.stiffness.reversed().shifted(shift), error=error)
 
