@@ -49,6 +49,12 @@ Fold curves change ever faster towards zero, where the model has no load, no gap
 _FOLD_STEPS = StepControl(first_step=0.002, max_step=0.1, max_points=300)
 """Step sizes of fold curves. A small first step resolves a cusp near the start; most are almost straight afterwards."""
 
+_NARROW = 0.01
+"""Relative distance of two successive cusps of a fold curve up to which they are none: a fold is replaced by another.
+
+A fold curve turns twice where its motion grazes, within 1e-4 of the parameter. The jump exists on both sides.
+"""
+
 _MAX_CURVES_WITHOUT_CUSP = 6
 """Number of fold curves without a cusp after which the search ends."""
 
@@ -134,7 +140,8 @@ def critical_parameter(
 
     The response curve of the model is searched for folds. If it has none, response curves at values with increasing
     distance on both sides are searched, within the range of the parameter. Each fold is followed in the parameter to
-    its cusps, or over five times the value of the model, and towards zero to a hundredth of the value.
+    its cusps, or over five times the value of the model, and towards zero to a hundredth of the value. Two cusps within
+    1 % of each other, as next to a grazing of the fold, are left out.
 
     Parameters
     ----------
@@ -274,10 +281,22 @@ def _follow_to_cusps(
             )
             fold = raise_if_interrupted(trace(equations, parameter, (value, end), start, steps=_FOLD_STEPS))
             traced.append(fold)
-            cusps = [p for p in fold.special if p.kind in TURNING_KINDS and p.located]
+            cusps = [p for p in _turns(fold) if p.located]
             yield from (FoldCusp(cusp, fold, _is_maximum(fold, cusp.index)) for cusp in cusps)
             if cusps:
                 break
+
+
+def _turns(fold: Branch) -> list[SpecialPoint]:
+    """Return the points at which a fold curve turns back, without pairs that are too narrow; see `_NARROW`."""
+    turns: list[SpecialPoint] = []
+    for point in (p for p in fold.special if p.kind in TURNING_KINDS):
+        value = point.parameters[fold.parameter]
+        if turns and abs(turns[-1].parameters[fold.parameter] - value) <= _NARROW * abs(value):
+            turns.pop()
+        else:
+            turns.append(point)
+    return turns
 
 
 def _is_maximum(fold: Branch, index: int) -> bool:
