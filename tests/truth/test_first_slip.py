@@ -186,6 +186,30 @@ def test_a_fold_at_a_first_slip_moves_with_it():
 
 
 @pytest.mark.slow
+def test_a_followed_fold_ends_at_the_first_slip_that_it_meets():
+    """Beyond it, the curve turns back at the first slip itself: fold and first slip have one frequency."""
+
+    @hb.mechanics.model
+    def hardening(limit: float = 0.05) -> hb.System:
+        parts = [hb.Element([1.0], hb.Cubic(1.0)), hb.Element([1.0], hb.mechanics.Jenkins(0.1, limit), name="damper")]
+        return hb.System([[1.0]], [[0.03]], [[1.0]], parts, hb.Load(cosine={1: [0.15]}))
+
+    def response(limit: float) -> hb.Branch:
+        problem = hb.HarmonicBalance(hardening(limit=limit), 7)
+        return hb.trace(problem, "Omega", (0.6, 3.5), accuracy=None, cover=False)
+
+    folds = hb.follow(response(0.05), "LP1", "limit", (0.04, 0.4), accuracy=None)
+    assert not folds.status.complete and "meets the first slip of damper" in folds.message
+    assert "follow the first slip" in folds.message and "more harmonics" not in folds.message
+    end = folds.values[-1]
+    below, above = (response(end + change) for change in (-1e-3, 2e-5))
+    for curve, is_corner in ((below, False), (above, True)):
+        fold = curve["LP1"].parameters["Omega"]
+        slip = min(abs(p.parameters["Omega"] - fold) for p in curve.special if p.kind == "SL")
+        assert (slip < 1e-8) is is_corner and (slip > 1e-4) is not is_corner
+
+
+@pytest.mark.slow
 def test_first_slips_at_corners_are_those_with_many_harmonics():
     """Their stated errors cover the location with 72 harmonics, though 9 harmonics shift some by 4e-3."""
     curve, finer = hb.trace(hb.HarmonicBalance(chain(), 9), "Omega", (0.5, 2.0)), hb.HarmonicBalance(chain(), 72)

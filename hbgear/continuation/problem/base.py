@@ -295,8 +295,7 @@ class ContinuationProblem:
     def comparisons(self) -> Sequence[tuple[ContinuationProblem, float]]:
         """Problems of other resolutions, each with a weight w.
 
-        w times the change of a result between this problem and the other one estimates the error of the result. The
-        largest of these estimates counts. By default the refined problem has the weight 1.
+        The largest w times the change of a result is its error. By default the refined problem has the weight 1.
         """
         return () if self.refined_problem is None else ((self.refined_problem, 1.0),)
 
@@ -335,6 +334,10 @@ class ContinuationProblem:
         """Return the problem relative to a point, with ``renew`` again if it is to one already; by default itself."""
         return self
 
+    def corners_met(self, X: Array, parameters: Mapping[str, float]) -> tuple[str, ...]:
+        """Return the corners of the equations at which a solution lies, such as a first slip; by default none."""
+        return ()
+
     def in_phase(self, X: Array, tangent: Array, reference: Array) -> tuple[Array, Array]:
         """Return X and its tangent, shifted in time to be nearest to a reference if the phase is arbitrary."""
         return X, tangent
@@ -342,10 +345,7 @@ class ContinuationProblem:
     # ---- finished branches
 
     def postprocess(self, branch: Branch, observed: Sequence[Mapping[str, Any]]) -> Branch:
-        """Return the branch with additions that concern the whole of it; by default the branch itself.
-
-        ``observed`` holds the monitored quantities of its points; it is empty for a branch that continues another one.
-        """
+        """Return the branch with additions to the whole of it; ``observed`` is empty where it continues another one."""
         return branch
 
     def remarks(self, branch: Branch) -> Sequence[str]:

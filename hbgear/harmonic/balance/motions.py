@@ -33,6 +33,9 @@ from hbgear.harmonic.multipliers.floquet import check_modes, floquet_multipliers
 from hbgear.harmonic.stability.verification import verify_multipliers
 from hbgear.harmonic.structure.measured import MeasuredStructure
 
+FIRST_SLIP_DISTANCE = 1e-5
+"""Margin of a slider, relative to the motion, below which a curve that ends is said to end at its first slip."""
+
 _MONITORING_WORK = 2e8
 """Operations of one call of `observe_many` (about a second), after which Ctrl-C is handled."""
 
@@ -129,6 +132,12 @@ class PeriodicMotions(HarmonicEquations):
     def threshold_names(self, kind: str) -> tuple[str, ...]:
         """Return the meaning of each entry of `threshold_distances`."""
         return THRESHOLDS[kind].names(self.compiled({}))
+
+    def corners_met(self, X: Array, parameters: Mapping[str, float]) -> tuple[str, ...]:
+        """Return the first slips at which a motion lies; the derivatives of the forces jump there."""
+        margins = np.abs(self.threshold_distances("slip", X, **parameters))
+        met = np.flatnonzero(margins <= FIRST_SLIP_DISTANCE * self.solution_norm(X))
+        return tuple(f"the first slip of {self.slider_names[i]}" for i in met)
 
     @checked_arguments()
     def slider_positions(self, X: Array, theta: float = 0.0, **parameters: float) -> Array:
