@@ -172,6 +172,7 @@ def _current_folder_exists() -> bool:
 
 
 def _run(args: list[str]) -> int:
+    """Run a command and return its exit code; errors of the input are printed as sentences."""
     try:
         code = int(app(args, prog_name="hbgear", standalone_mode=False) or 0)
         if code == CTRL_C_CODE:  # typer turns Ctrl-C into this code; it is reported below

@@ -259,6 +259,7 @@ class Search:
             return self._run(u, low, high)
 
     def _run(self, u: Array, low: Array, high: Array) -> Array:
+        """Return the change of the parameters found from u within low and high by repeated linear programs."""
         radius, slack = MAX_RELATIVE_STEP, self._evaluated(u)
         accepted: list[tuple[float, float]] = []
         for _ in range(MAX_STEPS):
@@ -420,6 +421,7 @@ class Search:
         self, mover: RelocatedPoint | RelocatedMotion, point: Point, names: Sequence[str], changes: Mapping[str, float],
         deviations: Mapping[str, float],
     ) -> _Relocated:  # fmt: skip
+        """Return the point, its frequency and its size at changed parameters, with their derivatives."""
         U, resolved = mover.solved(np.array([changes.get(name, 0.0) + deviations.get(name, 0.0) for name in names]))
         slopes, layout, goal = mover.slopes(U, resolved), point.layout, self.goal
         assert isinstance(layout, Layout)

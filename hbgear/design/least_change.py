@@ -243,6 +243,7 @@ def _spread(
     problem: HarmonicBalance, scatter: Mapping[str, float], sigmas: float, tolerances: Grid | Sample | None,
     share: float,
 ) -> Spread:  # fmt: skip
+    """Return the checked scatter of the parameters, to first order or as a sample."""
     checked("redesign", "sigmas", sigmas, NOT_NEGATIVE)
     checked("redesign", "share", share, SHARE_RANGE)
     if scatter and tolerances is not None:

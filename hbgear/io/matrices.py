@@ -286,6 +286,7 @@ def _variables(path: str | os.PathLike[str]) -> dict[str, Any]:
 
 
 def _read(path: Any, reader: Any) -> Any:
+    """Return what a reader of files of matrices returns; its errors name the file."""
     if not Path(path).is_file():
         raise ValueError(f"there is no file '{path}'")
     try:

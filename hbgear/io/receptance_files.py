@@ -191,6 +191,7 @@ def _coordinate_names(data_set: Mapping[str, Any]) -> tuple[tuple[str, str], int
 def _renamed(
     functions: Mapping[tuple[str, str], Function], names: Mapping[str, str], path: Any
 ) -> dict[tuple[str, str], Function]:
+    """Return the functions of the named coordinates, with the new names."""
     coordinates = {name for pair in functions for name in pair}
     for name in names:
         if name not in coordinates:

@@ -129,6 +129,7 @@ def phase_diagram(
 
 
 def _draw_phase(ax: Axes, point: Point, element: int | str, units: _Units) -> Axes:
+    """Draw the velocity over the displacement, with a dot at each period of the excitation."""
     if "Omega" not in point.parameters:
         raise ValueError(f"a phase diagram needs Omega; the point has {', '.join(point.parameters) or 'no parameters'}")
     layout, periods, d = _cycle(point, element)
@@ -202,6 +203,7 @@ def spectrum(
 def _draw_spectrum(
     ax: Axes, point: Point, element: int | str, units: _Units, log: bool = True, floor: float = FLOOR
 ) -> Axes:  # fmt: skip
+    """Draw the amplitudes of the harmonics down to a fraction of the largest."""
     from matplotlib.ticker import MaxNLocator
 
     row, layout = point.coefficients(element), _cycle(point, element)[0]

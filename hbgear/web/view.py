@@ -233,6 +233,7 @@ def _sizes(layout: Layout, points: Sequence[Point]) -> list[dict[str, list[float
 
 
 def _special(branch: Branch, layout: Layout, quantities: _Quantities) -> list[dict[str, Any]]:
+    """Return the special points of a curve for the page."""
     entries = []
     for point, amplitudes in zip(branch.special, _sizes(layout, branch.special), strict=True):
         sizes = amplitudes | {name: entry.at(point, branch) for name, entry in quantities.items()}
@@ -246,6 +247,8 @@ def _special(branch: Branch, layout: Layout, quantities: _Quantities) -> list[di
 
 
 def _jumps(layout: Layout, landed: Sequence[Landing], branch: Branch, quantities: _Quantities) -> list[dict[str, Any]]:
+    """Return the jumps of a curve for the page, with the sizes before and after."""
+
     def heights(point: Point) -> dict[str, list[float | None]]:
         return {name: entry.at(point, branch) for name, entry in quantities.items()}
 

@@ -347,6 +347,7 @@ def _machine(
     pressure: str, shift: tuple[float, float], relief: str, measure: str, mesh: str | None,
     torque_orders: str | None, friction: str | None, runout: str, rack: bool,
 ) -> Machine:  # fmt: skip
+    """Return the machine of the options of ``hbgear gear``; a ring has a negative number of teeth."""
     from hbgear.common.units import to_si
     from hbgear.gears.mesh.mesh_models import MESHES
     from hbgear.gears.mesh.tooth_friction import COEFFICIENT

@@ -54,6 +54,7 @@ def show_shares(
 def _print(
     result: Sensitivity, labels: Mapping[str, str], quantity: str, max_rows: int, names: tuple[str, ...]
 ) -> None:  # fmt: skip
+    """Print the quantities of a point and its derivatives, the largest of one quantity first."""
     shares = {name: result.percent(name) for name in names}
     printed = {name: _in_micrometres(name) for name in names}
     print(f"{result.label}: " + ", ".join(f"{printed[q][0]} = {printed[q][1] * result.size(q):.6g}" for q in names))

@@ -154,6 +154,7 @@ def show_speeds(
 
 
 def _show_resonances(model: hb.mechanics.Model, curve: hb.Branch, shown: tuple[float, float] | None) -> None:
+    """Print the resonances: speed, mesh frequency, dynamic factor, transmission error and force."""
     scales, several = scales_of(model), len(meshes_of(model)) > 1
     rows = [
         [f"{r.speed:.0f}", f"{float(scales.mesh_frequency(r.point.parameters['Omega'])):.0f}",
@@ -185,6 +186,7 @@ def number_or_dash(value: float) -> str:
 def _show_jumps(
     model: hb.mechanics.Model, curve: hb.Branch, dimensionless: bool, shown: tuple[float, float] | None
 ) -> None:
+    """Print the jumps of slow sweeps with the dynamic factors before and after."""
     scales, pair = scales_of(model), getattr(model, "pair", None)
     rows = []
     branches = curve.curves
@@ -226,6 +228,7 @@ def mesh_torque(model: Any) -> float:
 def _show_ranges(
     model: hb.mechanics.Model, curve: hb.Branch, other_ranges: Ranges, shown: tuple[float, float] | None
 ) -> None:
+    """Print the speeds at which the teeth stay in contact and nothing jumps, and why others are left out."""
     low, high = shown or speed_span(model, curve)
     lost = clipped(merged([*contact_lost(model, curve), *other_ranges]), shown)
     unknown = clipped(without_stable_motion(model, curve), shown)
@@ -247,6 +250,7 @@ def _show_ranges(
 
 
 def _show_critical(model: hb.mechanics.Model, curve: hb.Branch) -> None:
+    """Print the speeds at which orders of mesh and shafts meet natural frequencies."""
     scales, pair = scales_of(model), getattr(model, "pair", None)
     if pair is None:
         return

@@ -310,6 +310,7 @@ def _result(
     problem: HarmonicBalance, search: FitSearch, best: Prediction, followed: int, estimate: _Estimate, low: Array,
     high: Array, ending: Termination,
 ) -> Fit:  # fmt: skip
+    """Return the fit with standard errors, correlations and warnings."""
     names, data, x, covariance = search.names, search.data, estimate.x, estimate.covariance
     first = np.sqrt(np.diag(covariance))
     with np.errstate(invalid="ignore", divide="ignore"):

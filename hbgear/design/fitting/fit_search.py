@@ -70,6 +70,7 @@ class FitSearch:
         return self._predictions.get(x.tobytes(), lambda: self._traced(x))
 
     def _traced(self, x: Array) -> Prediction | None:
+        """Return the prediction of the model at values of the parameters; None if it is refused."""
         self.evaluations += 1
         try:
             values = dict(zip(self.names, map(float, x), strict=True))

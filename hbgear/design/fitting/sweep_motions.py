@@ -189,6 +189,7 @@ class SweepMotions:
     def _reference(
         self, i: int, position: float, segments: Sequence[tuple[Array, Array]], amplitude: Array
     ) -> Reference:
+        """Return the motion to which a measured point belongs: on the sweep, or another one that fits far better."""
         Omega, measured = float(self.Omega[i]), float(self.data.amplitude[i])
         deviation, direction = float(self.data.deviation[i]), int(self.data.directions[i])
 

@@ -82,6 +82,7 @@ def _libraries(modules: int) -> ThreadpoolController:
 
 
 def _computed_result(model: Model, work: Work) -> Result:
+    """Return all results of one case."""
     numbers: dict[str, float] = {}
     arrays: dict[str, Array] = {}
     packed_branch = b""

@@ -194,6 +194,7 @@ def _stored_study(file: Path) -> dict[str, Any] | None:
 
 
 def _check_same_study(file: Path, stored: dict[str, Any], head: dict[str, Any]) -> None:
+    """Raise ValueError if a folder holds the cases of another study or version."""
     versions, stored_settings = (stored["schema"], stored["hbgear"]), stored["study"]
     if versions != (head["schema"], head["hbgear"]):
         raise ValueError(

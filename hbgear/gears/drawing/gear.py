@@ -388,6 +388,7 @@ def _check_rack(gear: Gear) -> None:
 
 
 def _check_diameters(gear: Gear) -> None:
+    """Raise ValueError if the diameters of root, base circle, tip and body are not possible together."""
     tip, root, base, body = gear.tip_diameter_used, gear.root_diameter, gear.base_diameter, gear.body_diameter
     mm = 1e3
     if root <= 0:

@@ -146,6 +146,7 @@ class Engagement:
             self.swapped._check_pinion("wheel")
 
     def _check_pinion(self, name: str) -> None:
+        """Raise ValueError if the tips of the other gear touch the pinion outside its involute."""
         g, s, tip, mm = self.pinion, self.tip_contact, self.wheel.tip_diameter_used, 1e3
         form = g.form_diameter
         beyond = -s * sin(self.pressure)  # depth below the point at which the line of action touches the base circle
@@ -174,6 +175,7 @@ class Engagement:
         )
 
     def _check_ring(self) -> None:
+        """Raise ValueError if the tips of the pinion meet the roots or the tips of the ring."""
         p, w, mm = self.pinion, self.wheel, 1e3
         clearance = w.root_diameter / 2 - self.distance - p.tip_diameter_used / 2
         if clearance < -1e-9:

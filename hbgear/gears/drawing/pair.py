@@ -124,7 +124,7 @@ class GearPair:  # numpydoc ignore=PR02
 
     @property
     def _working_involute(self) -> float:
-        """inv(alpha_wt) of the profile shifts, not positive if they allow no centre distance."""
+        """Involute function of alpha_wt, from the profile shifts; not positive if they allow no centre distance."""
         shifts = self.pinion.profile_shift + self.wheel.profile_shift
         return involute(self.pinion.transverse_pressure_angle) + (
             2 * tan(self.pinion.pressure_angle) * shifts / self._signed_teeth
@@ -305,6 +305,7 @@ class GearPair:  # numpydoc ignore=PR02
 
 
 def _check_fit(pair: GearPair) -> None:
+    """Raise ValueError if modules, angles or kinds of the two gears do not fit."""
     p, w = pair.pinion, pair.wheel
     for name, kind in (("internal", "ring"), ("rack", "rack")):
         if getattr(p, name):
@@ -328,6 +329,7 @@ def _check_fit(pair: GearPair) -> None:
 
 
 def _check_distance(pair: GearPair) -> None:
+    """Raise ValueError if the centre distance or the profile shifts allow no mesh."""
     minimum = abs(pair._signed_base_radius)
     if pair.center_distance is not None and pair.working_center_distance <= minimum and not pair.wheel.rack:
         raise ValueError(f"GearPair: center_distance = {pair.center_distance * 1e3:.6g} mm must be above "
@@ -344,6 +346,7 @@ def _check_distance(pair: GearPair) -> None:
 
 
 def _check_backlash(pair: GearPair) -> None:
+    """Raise ValueError if the backlash is as large as a tooth, or the teeth overlap."""
     thickness = pi * pair.pinion.module / 2
     if pair.backlash is not None and pair.backlash > 0.5 * pair.pinion.module:
         raise ValueError(
@@ -360,6 +363,7 @@ def _check_backlash(pair: GearPair) -> None:
 
 
 def _check_contact(pair: GearPair) -> None:
+    """Raise ValueError if tips reach into roots, or if the teeth are not always in contact."""
     p, w = pair.pinion, pair.wheel
     mm = 1e3
     if not w.internal:

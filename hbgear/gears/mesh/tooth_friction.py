@@ -181,6 +181,7 @@ def friction_mesh(mesh: ToothMesh, friction: Friction, side: int = 1) -> Frictio
 
 @lru_cache(maxsize=8)
 def _friction_mesh(mesh: ToothMesh, friction: Friction, side: int) -> FrictionMesh:
+    """Return the mesh with friction for one loaded side."""
     path, pair = _Path(mesh, friction), mesh.pair
     across: list[Phased] = []
     slide: list[Phased] = []

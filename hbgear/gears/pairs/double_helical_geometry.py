@@ -185,6 +185,7 @@ class DoubleHelicalGeometry(MeshExcitation):
                 )
 
     def _check_choices(self) -> None:
+        """Raise ValueError for numbers of teeth or choices of fields that are not possible."""
         for name in ("teeth_p", "teeth_g"):
             teeth = getattr(self, name)
             if isinstance(teeth, bool) or not isinstance(teeth, int | np.integer) or teeth < 1:

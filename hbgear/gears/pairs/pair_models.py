@@ -216,6 +216,7 @@ def _torsion(pair: GearPair, torque: float, zeta: float, mesh: _Mesh) -> SpurPai
 def _bearings(
     pair: GearPair, torque: float, zeta: float, mesh: _Mesh, supports: tuple[Support, Support]
 ) -> GearRotorBearing:
+    """Return the pair on bearings with clearance."""
     reference, m_c = _reference(pair, mesh), pair.equivalent_mass
     omega_n, b_c = reference[:2]
     fields: dict[str, Any] = {}
@@ -250,6 +251,7 @@ bearings a distance s apart; axial is 0 by default, which suits spur gears only.
 def _spatial(
     pair: GearPair, torque: float, zeta: float, mesh: _Mesh, supports: tuple[Support, Support], direction: float
 ) -> HelicalPair:
+    """Return the pair with twelve degrees of freedom."""
     fields: dict[str, Any] = {}
     for name, gear, support in zip("pg", (pair.pinion, pair.wheel), supports, strict=True):
         if support.tilt is None:

@@ -162,6 +162,7 @@ def _shaft_frequencies(wheels: Mapping[str, Wheel], speeds: Mapping[str, Fractio
 
 
 def _check_gears(mesh: Mesh, wheels: Mapping[str, Wheel]) -> None:
+    """Raise ValueError if the gears of a mesh do not fit."""
     for name in (mesh.first, mesh.second):
         if name not in wheels:
             raise ValueError(f"mesh {mesh.name}: there is no wheel '{name}'{did_you_mean(name, wheels)}")

@@ -62,7 +62,7 @@ class _PairProblem(MinimallyAugmentedProblem):
         self._fixed(near=near)
 
 
-class NeimarkSackerProblem(_PairProblem):
+class NeimarkSackerProblem(_PairProblem):  # numpydoc ignore=PR02
     """Neimark-Sacker points (NS): a disturbance e^{st} v(theta) of another frequency has constant amplitude.
 
         D(s) v = 0,   g = Re s;     ds = -(w^H dD v) / (w^H D_s v)
@@ -226,7 +226,7 @@ class PairMultiplier(Borders):
     multiplier: complex = 1j
 
 
-class PairModulusProblem(_PairProblem):
+class PairModulusProblem(_PairProblem):  # numpydoc ignore=PR02
     """Neimark-Sacker points (NS) from multipliers, for laws whose slopes Hill's determinant does not know.
 
         R(X, p) = 0,   g = log |mu(X, p)| = 0

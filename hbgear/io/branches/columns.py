@@ -123,6 +123,7 @@ def speeds_of(branch: Branch) -> dict[str, Column]:
 
 
 def _special(branch: Branch) -> dict[str, Column]:
+    """Return the columns of special points, their errors and bounds, and of landings."""
     points = {point.index: point for point in branch.special}
     decided = {jump.label: jump.landing_description for jump in branch.jumps()}
     rows = [points.get(i) for i in range(len(branch))]

@@ -236,6 +236,7 @@ _FORMS: dict[type, dict[str, Form]] = {
 
 
 def _check(branch: Branch) -> None:
+    """Check that the parts of a branch belong together; ValueError if not."""
     if not len(branch):
         raise ValueError("it has no points")
     if np.isinf(branch.residual).any():

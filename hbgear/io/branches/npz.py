@@ -208,6 +208,7 @@ class _Newer(ValueError):
 
 
 def _branch_in(archive: Archive) -> Branch:
+    """Return the branch of an archive; ValueError if its format or schema is another one."""
     header = archive.header()
     if header.get("format") != _FORMAT:
         raise ValueError(f"its format is {str(header.get('format'))[:40]!r}")

@@ -262,6 +262,7 @@ class _Reader:
         return constructed(self.problems, key_path, cls, values)
 
     def _cycle(self, table: Mapping[str, str] | None, force: float) -> MeshCycle | None:
+        """Return the mesh cycle of the tables that a file names; None without tables."""
         if table is None:
             return None
         try:

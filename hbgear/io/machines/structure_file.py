@@ -165,6 +165,7 @@ def _result_or_problem(problems: Problems, key_path: KeyPath, make: Callable[[],
 
 
 def _matrices(table: Mapping[str, Any], folder: Path) -> Matrices:
+    """Return the matrices of a table: rows of numbers, a file each, or one file with all of them."""
     sources = {name: table[name] for name in NAMES if table.get(name) is not None}
     names = tuple(table.get("names", ()))
     if table.get("file") is None:

@@ -152,6 +152,7 @@ class DataTable:
                        f"{', '.join(quoted(heading) for heading in self.headings)}")  # fmt: skip
 
     def _column_in_unit(self, i: int, kind: Kind, implied: str | None) -> Column:
+        """Return a column with its unit, which its heading states or the kind implies."""
         heading = self.headings[i]
         name, stated = split(heading)
         if normal(heading) in map(normal, kind.names):  # "Re(H)" is not Re in henry

@@ -206,6 +206,7 @@ def _headings(line: str, mark: str | None, width: int) -> tuple[str, ...] | None
 
 
 def _splits(line: str, mark: str | None) -> Iterator[list[str]]:
+    """Yield the cells of a line for each separator that is possible."""
     for separator in dict.fromkeys((mark, ";", "\t", ",", None)):
         if separator is not None:
             try:

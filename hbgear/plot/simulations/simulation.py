@@ -167,6 +167,7 @@ def _axis(s: Sweep, model: Model | None, dimensionless: bool) -> OmegaAxis:
 
 
 def _dots(ax: Axes, s: Sweep, x: Any, height: Any) -> None:
+    """Draw the values of a sweep, with a marker for each kind of period."""
     marker, colour, name = DIRECTIONS[s.direction]
     kinds: tuple[tuple[Any, dict[str, Any], str], ...] = (
         (s.period == 1, {"marker": marker, "markerfacecolor": colour}, name),

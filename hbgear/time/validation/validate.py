@@ -263,6 +263,7 @@ class _Comparison(NamedTuple):
 
 
 def _check(curves: tuple[Branch, ...], number: int, i: int, reason: str, tolerance: float, limit: float) -> Check:
+    """Return the comparison of a point of a curve with time integration."""
     branch = curves[number]
     problem: Any = branch.problem
     parameters = branch.parameters_at(i)
