@@ -17,7 +17,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
@@ -344,21 +343,21 @@ def complete_branch(
 ) -> Branch:
     """Return the complete branch through a motion inside the span: a closed branch, or one from end to end."""
     start = problem_point(problem, X, Omega)
+
+    def follow(span: tuple[float, float], start: Point | BranchStart | Array) -> Branch:
+        return raise_if_interrupted(trace(problem, "Omega", span, start, steps=steps, stability=stability))
+
     first = raise_if_interrupted(trace(problem, "Omega", span, start, steps=steps, stability=False, special=False))
     if first.status in (Status.CLOSED, Status.RETRACED) or not first.status.complete:
-        return raise_if_interrupted(trace(problem, "Omega", span, start, steps=steps, stability=stability))
+        return follow(span, start)
     if first.status is Status.UNBOUNDED:
         branch_start = BranchStart(X, start.parameters, np.append(np.zeros(len(X)), 1.0), bifurcating=False)
-        follow = partial(trace, problem, "Omega", steps=steps, stability=stability)
-        return trace_both_directions(
-            branch_start, span, lambda span, start: raise_if_interrupted(follow(span, start)), NewtonSettings()
-        )
+        return trace_both_directions(branch_start, span, follow, NewtonSettings())
     if first.status is Status.MERGED:
         start, span = _point_before_end(problem, first, span)
-        return raise_if_interrupted(trace(problem, "Omega", span, start, steps=steps, stability=stability))
+        return follow(span, start)
     end = float(first.values[-1])
-    last = span[0] if end == span[1] else span[1]
-    return raise_if_interrupted(trace(problem, "Omega", (end, last), first.X[-1], steps=steps, stability=stability))
+    return follow((end, span[0] if end == span[1] else span[1]), first.X[-1])
 
 
 def _point_before_end(
