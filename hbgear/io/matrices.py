@@ -16,14 +16,15 @@ import numpy as np
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.optional import needed
+from hbgear.common.process.checksums import DamagedFileError
 from hbgear.common.ranges import ANY, checked
 from hbgear.common.text.messages import quoted
-from hbgear.io.branches.archive import Damaged, archive_of
+from hbgear.io.branches.archive import archive_of
 from hbgear.io.matrix_files.matlab import read_matlab
 from hbgear.io.matrix_files.matlab_hdf5 import is_hdf5, read_hdf5
-from hbgear.io.matrix_files.matrix_market import DamagedFileError, read_matrix_market
+from hbgear.io.matrix_files.matrix_market import read_matrix_market
 from hbgear.io.matrix_files.text_matrix import TEXT_SUFFIXES, read_text_matrix
-from hbgear.io.matrix_files.unpacked_size import SPARE, TIMES, TooMuch, check_mtx
+from hbgear.io.matrix_files.unpacked_size import SPARE, TIMES, check_mtx
 from hbgear.mechanics.models import System
 from hbgear.mechanics.series.fourier import is_listed
 from hbgear.mechanics.structures.elements import Element, Load
@@ -293,7 +294,7 @@ def _read(path: Any, reader: Any) -> Any:
         return reader()
     except OSError as error:
         raise ValueError(f"'{path}' cannot be read as matrices: {error.strerror or 'it is damaged'}") from None
-    except (Damaged, DamagedFileError, TooMuch) as error:
+    except DamagedFileError as error:
         raise ValueError(f"'{path}' cannot be read as matrices: {error}") from None
     except Exception:  # damaged files raise errors of every class
         reason = f"it is damaged, or not a {Path(path).suffix.lower()} file"

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import hbgear as hb
-from hbgear.common.process.checksums import DamagedFile, read_parts, write_parts
+from hbgear.common.process.checksums import DamagedFileError, read_parts, write_parts
 
 pytestmark = pytest.mark.slow
 
@@ -142,7 +142,7 @@ def test_parts_of_a_file_are_those_written_or_an_error(tmp_path):
     content = (tmp_path / "x").read_bytes()
     for at in range(len(content)):
         (tmp_path / "y").write_bytes(content[:at] + bytes([content[at] ^ 0x10]) + content[at + 1 :])
-        with pytest.raises(DamagedFile, match="checksum"):
+        with pytest.raises(DamagedFileError, match="checksum"):
             read_parts(tmp_path / "y")
     with pytest.raises(OSError):
         write_parts(tmp_path / "none" / "x", parts)

@@ -11,7 +11,7 @@ from hbgear.harmonic.models.model_registry import rebuild_model
 from hbgear.mechanics.models import describe
 from hbgear.mechanics.series.fourier import Series, evaluate, to_real
 from hbgear.mechanics.series.periodic import described, undescribed
-from hbgear.mechanics.series.piecewise_polynomial import TURN, Pieced, equal_parts
+from hbgear.mechanics.series.piecewise_polynomial import TURN, PiecewisePolynomial, equal_parts
 
 RNG = np.random.default_rng(7)
 PHASE = np.sort(RNG.uniform(0, 1, 9))
@@ -27,7 +27,7 @@ FUNCTIONS = {
 }
 
 
-def value_of(piece: Pieced, theta: np.ndarray) -> np.ndarray:
+def value_of(piece: PiecewisePolynomial, theta: np.ndarray) -> np.ndarray:
     i = np.searchsorted(piece.at, theta, side="right") - 1
     return np.array([np.polyval(piece.rows[k][::-1], x - piece.at[k]) for k, x in zip(i, theta, strict=True)])
 
@@ -127,7 +127,9 @@ def test_equal_parts_of_the_period(f):
     assert (
         equal_parts([both])[1] == equal_parts([pieces.on(both.at), FUNCTIONS["linear"].pieces(4).on(both.at)])[1] == 2
     )
-    changed = Pieced(pieces.at, pieces.rows * np.where(np.arange(len(pieces.at))[:, None] == 1, 1 + 1e-9, 1.0))
+    changed = PiecewisePolynomial(
+        pieces.at, pieces.rows * np.where(np.arange(len(pieces.at))[:, None] == 1, 1 + 1e-9, 1.0)
+    )
     assert equal_parts([changed])[1] == 1
 
 
@@ -227,8 +229,8 @@ def test_gear_models_take_functions(cls):
 @pytest.mark.parametrize("apart", [0.0, 3e-14, 6e-14, 2e-13])
 def test_product_of_functions_whose_corners_are_within_rounding(apart):
     """f = 1 below 1, 2 above; g = 3 below, 5 above, with a piece as narrow as rounding in between."""
-    f = Pieced(np.array([0.0, 1.0]), np.array([[1.0], [2.0]]))
-    g = Pieced(np.array([0.0, 1.0 - apart, 1.0 + apart]), np.array([[3.0], [4.0], [5.0]]))
+    f = PiecewisePolynomial(np.array([0.0, 1.0]), np.array([[1.0], [2.0]]))
+    g = PiecewisePolynomial(np.array([0.0, 1.0 - apart, 1.0 + apart]), np.array([[3.0], [4.0], [5.0]]))
     for one, other in ((f, g), (g, f)):
         mean = one.times(other).integrals(1)[-1, 0]
         assert mean == pytest.approx(3 * 1.0 + 10 * (2 * np.pi - 1), rel=1e-12)

@@ -19,14 +19,14 @@ from contextlib import suppress
 from pathlib import Path
 
 
-class DamagedFile(ValueError):
-    """The content of a file does not have the checksum that was stored with it."""
+class DamagedFileError(ValueError):
+    """Error: a file is refused because its content is damaged, or is more than such a file can hold."""
 
 
 def read_parts(path: Path) -> dict[str, bytes]:
     """Return the content of each part of a file of `write_parts` by its name; empty if there is no such file.
 
-    DamagedFile is raised if the checksum is wrong, OSError if the file exists but cannot be read.
+    DamagedFileError is raised if the checksum is wrong, OSError if the file exists but cannot be read.
     """
     try:
         content = path.read_bytes()
@@ -34,7 +34,7 @@ def read_parts(path: Path) -> dict[str, bytes]:
         return {}
     size = hashlib.sha256().digest_size
     if hashlib.sha256(content[size:]).digest() != content[:size]:
-        raise DamagedFile(f"{path} is damaged: its checksum is wrong")
+        raise DamagedFileError(f"{path} is damaged: its checksum is wrong")
     with zipfile.ZipFile(io.BytesIO(content[size:])) as archive:
         return {name: archive.read(name) for name in archive.namelist()}
 

@@ -36,7 +36,7 @@ from pathlib import Path
 from types import FunctionType
 from typing import Any, TypeVar, cast
 
-from hbgear.common.process.checksums import DamagedFile, read_parts, write_parts
+from hbgear.common.process.checksums import DamagedFileError, read_parts, write_parts
 from hbgear.common.process.signals import defer_signals
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -170,7 +170,7 @@ def _read(path: Path) -> dict[str, bytes]:
     """Return stored code; an empty dict if nothing is stored or it cannot be used."""
     try:
         parts = read_parts(path)
-    except (DamagedFile, OSError) as error:
+    except (DamagedFileError, OSError) as error:
         _warn_once("hbgear compiles a part of its core again, for stored code cannot be used: %s", error)
         return {}
     if not parts and _writable() is None and not any(_store().iterdir()):

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from hbgear.common.arrays import Array
-from hbgear.io.branches.archive import Damaged, archive_of
+from hbgear.common.process.checksums import DamagedFileError
+from hbgear.io.branches.archive import archive_of
 
 _TABLE_WIDTHS = {"jump_table": 5, "curve_table": 4}
 """Numbers of columns of the two-dimensional arrays of a table file."""
@@ -54,7 +55,7 @@ def read_results(path: str | os.PathLike[str]) -> Results:
             arrays = {name: archive.array(name) for name in archive.names}
     except FileNotFoundError:
         raise FileNotFoundError(f"there is no file '{file}'; {need}") from None
-    except (OSError, Damaged) as error:
+    except (OSError, DamagedFileError) as error:
         raise ValueError(f"'{file}' cannot be read as the table of a study: {error}; {need}") from None
     for name, width in _TABLE_WIDTHS.items():
         if (

@@ -22,7 +22,7 @@ from hbgear.mechanics.laws.laws import Law
 from hbgear.mechanics.laws.mesh_contacts import contacts_of
 from hbgear.mechanics.series.fourier import derive, evaluate, samples_of, stretch, to_complex, to_real
 from hbgear.mechanics.series.periodic import Periodic, Phased, pieces_of
-from hbgear.mechanics.series.piecewise_polynomial import ONE, TURN, Pieced, equal_parts
+from hbgear.mechanics.series.piecewise_polynomial import ONE, TURN, PiecewisePolynomial, equal_parts
 from hbgear.mechanics.structures.elements import Element
 
 
@@ -217,10 +217,10 @@ variational equation does not begin a new segment: the multipliers of tables wit
 
 
 def _level_table(
-    displacement: Phased, level: Phased | Pieced, nu: int, stiffness: Sequence[Phased]
-) -> tuple[Pieced, np.ndarray, np.ndarray]:
+    displacement: Phased, level: Phased | PiecewisePolynomial, nu: int, stiffness: Sequence[Phased]
+) -> tuple[PiecewisePolynomial, np.ndarray, np.ndarray]:
     """Return w of a moving level, with `PiecewiseExcitation.has_jump` and `inactive` of its segments."""
-    w = (level.repeated(nu) if isinstance(level, Pieced) else pieces_of(level, nu)).scaled(-1.0)
+    w = (level.repeated(nu) if isinstance(level, PiecewisePolynomial) else pieces_of(level, nu)).scaled(-1.0)
     if displacement.corners:
         w = w.plus(_segments_of(displacement, nu).scaled(-1.0))
     k = [_segments_of(function, nu) for function in stiffness]
@@ -234,7 +234,7 @@ def _level_table(
     return w, has_jump, ~np.any(acts_on_segment, axis=0) if acts_on_segment else np.zeros(len(w.at), dtype=bool)
 
 
-def _range(w: Pieced, inactive: np.ndarray) -> tuple[float, float]:
+def _range(w: PiecewisePolynomial, inactive: np.ndarray) -> tuple[float, float]:
     """Return a lower and an upper bound of w on the segments that are not idle."""
     used = np.flatnonzero(~inactive)
     rows, widths = w.rows[used], w.widths[used]
@@ -296,7 +296,7 @@ def _grid(e: Sequence[Phased], retained: ComplexArray, nu: int, N: int) -> Array
     return out
 
 
-def _powers(gaps: Sequence[Pieced | None], cubic: Array, length: int) -> ComplexArray:
+def _powers(gaps: Sequence[PiecewisePolynomial | None], cubic: Array, length: int) -> ComplexArray:
     """Return `PiecewiseExcitation.gap_powers`."""
     with_cubic = [j for j, w in enumerate(gaps) if w and cubic[j].any()]
     out = np.zeros((len(gaps), 3, length if with_cubic else 0), dtype=complex)
@@ -309,7 +309,7 @@ def _powers(gaps: Sequence[Pieced | None], cubic: Array, length: int) -> Complex
     return out
 
 
-def _segments_of(function: Phased, nu: int) -> Pieced:
+def _segments_of(function: Phased, nu: int) -> PiecewisePolynomial:
     """Return a function as a piecewise polynomial over the basis period; the constant 1 for a Fourier series."""
     return function.pieces(nu) if isinstance(function, Periodic) else ONE
 
@@ -317,8 +317,8 @@ def _segments_of(function: Phased, nu: int) -> Pieced:
 class _SpringTable(NamedTuple):
     """Stiffness k and product k w of a spring on common segments, see `PiecewiseExcitation`."""
 
-    k: Pieced
-    kw: Pieced
+    k: PiecewisePolynomial
+    kw: PiecewisePolynomial
     repeats: int
     integrals: ComplexArray
 
@@ -333,7 +333,7 @@ def _spring_table(
     if level is not None:
         w = w.plus(pieces_of(level, nu).scaled(-1.0))
     kw = k.times(w)
-    (k, kw), repeats = equal_parts([Pieced(kw.at, k.rows_at(kw.at)), kw])
+    (k, kw), repeats = equal_parts([PiecewisePolynomial(kw.at, k.rows_at(kw.at)), kw])
     if level is None:
         return _SpringTable(k, kw, repeats, np.stack([f.integrals(length, repeats) for f in (k, kw)], axis=1))
     from hbgear.harmonic.forces.piecewise_kernels import integrals

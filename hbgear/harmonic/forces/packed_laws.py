@@ -19,7 +19,7 @@ from hbgear.mechanics.laws.laws import Law, PiecewiseLinear
 from hbgear.mechanics.laws.mesh_contacts import contacts_of, first_level, flanks_of, moving_springs_of
 from hbgear.mechanics.series.fourier import Series, stretch, to_complex
 from hbgear.mechanics.series.periodic import Phased
-from hbgear.mechanics.series.piecewise_polynomial import Pieced
+from hbgear.mechanics.series.piecewise_polynomial import PiecewisePolynomial
 
 
 class PackedLaws(NamedTuple):
@@ -64,7 +64,7 @@ class MovingLevel(NamedTuple):
     """Level of a displacement of an element that moves over the period."""
 
     element: int
-    level: Phased | Pieced
+    level: Phased | PiecewisePolynomial
 
 
 class Packing(NamedTuple):

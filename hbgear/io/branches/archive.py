@@ -18,6 +18,7 @@ from typing import IO, Any
 import numpy as np
 
 from hbgear.common.arrays import Array
+from hbgear.common.process.checksums import DamagedFileError
 from hbgear.common.text.messages import shortened
 
 _SPARE_BYTES, _MAX_EXPANSION = 2**24, 4
@@ -30,10 +31,6 @@ _ARRAY_KINDS = "biufcU"
 
 _COMPRESSIONS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)
 """Compressions that NumPy writes."""
-
-
-class Damaged(ValueError):
-    """Error: the file is not an .npz, or its content cannot be read."""
 
 
 class Archive:
@@ -50,7 +47,7 @@ class Archive:
 
     Raises
     ------
-    Damaged
+    DamagedFileError
         If the file is not an .npz, or declares more than such a file can hold; from the methods, if the data are
         damaged.
     """
@@ -60,14 +57,14 @@ class Archive:
             size = handle.seek(0, os.SEEK_END)
             handle.seek(0)
             if not zipfile.is_zipfile(handle):
-                raise Damaged("it is not an .npz, or cut off")
+                raise DamagedFileError("it is not an .npz, or cut off")
             self._zip = zipfile.ZipFile(handle)
             self._members = {info.filename: info for info in self._zip.infolist()}
             declared = sum(info.file_size for info in self._members.values())
             if len(self._members) < len(self._zip.infolist()):
-                raise Damaged("it has two arrays of the same name")
+                raise DamagedFileError("it has two arrays of the same name")
             if declared > spare + times * size:
-                raise Damaged(f"it declares {declared:,} bytes in a file of {size:,}")
+                raise DamagedFileError(f"it declares {declared:,} bytes in a file of {size:,}")
 
     @property
     def names(self) -> list[str]:
@@ -81,10 +78,10 @@ class Archive:
         """Return the array of that name."""
         with _refusing():
             if f"{name}.npy" not in self._members:
-                raise Damaged(f"it has no array '{shortened(name)}'")
+                raise DamagedFileError(f"it has no array '{shortened(name)}'")
             info = self._members[f"{name}.npy"]
             if info.compress_type not in _COMPRESSIONS:
-                raise Damaged(f"array '{name}' has a compression that NumPy does not write")
+                raise DamagedFileError(f"array '{name}' has a compression that NumPy does not write")
             with self._zip.open(info) as member:
                 return _decoded_array(name, member.read(info.file_size))  # at most the declared size
 
@@ -93,17 +90,17 @@ class Archive:
         with _refusing():
             text = self.array("header")
             if text.dtype.kind != "U" or text.shape:
-                raise Damaged("its header is not text")
+                raise DamagedFileError("its header is not text")
             try:
                 content = json.loads(str(text))
             except ValueError:
-                raise Damaged("its header is not JSON") from None
+                raise DamagedFileError("its header is not JSON") from None
             except RecursionError:
-                raise Damaged("its header is nested too deeply") from None
+                raise DamagedFileError("its header is nested too deeply") from None
             if not isinstance(content, dict):
-                raise Damaged(f"its header is {_JSON[type(content)]}, not an object")
+                raise DamagedFileError(f"its header is {_JSON[type(content)]}, not an object")
             if too_deep(content):
-                raise Damaged("its header is nested too deeply")
+                raise DamagedFileError("its header is nested too deeply")
             return content
 
 
@@ -129,12 +126,12 @@ def archive_of(
 ) -> Iterator[Archive]:
     """Open the archive in a file; ``spare`` and ``times`` as for `Archive`.
 
-    OSError is raised if the file cannot be opened, Damaged as for `Archive`, and if the path is not a regular file:
-    pipes and devices need not end.
+    OSError is raised if the file cannot be opened, DamagedFileError as for `Archive`, and if the path is not a regular
+    file: pipes and devices need not end.
     """
     if not Path(path).is_file():
         os.stat(path)  # raises if it is missing
-        raise Damaged("it is a folder" if Path(path).is_dir() else "it is not a regular file")
+        raise DamagedFileError("it is a folder" if Path(path).is_dir() else "it is not a regular file")
     with open(path, "rb") as handle:
         yield Archive(handle, spare, times)
 
@@ -145,27 +142,29 @@ def _decoded_array(name: str, data: bytes) -> Array:
     version = np.lib.format.read_magic(stream)
     readers = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}
     if version not in readers:
-        raise Damaged(f"array '{name}' has version {version} of .npy; need 1.0 or 2.0")
+        raise DamagedFileError(f"array '{name}' has version {version} of .npy; need 1.0 or 2.0")
     shape, by_columns, kind = readers[version](stream)
     offset, count = stream.tell(), 1
     for length in shape:
         count *= int(length)
     if kind.kind not in _ARRAY_KINDS or kind.itemsize == 0:
-        raise Damaged(f"array '{name}' holds {kind}; need numbers or text")
+        raise DamagedFileError(f"array '{name}' holds {kind}; need numbers or text")
     if any(length < 0 for length in shape) or count * kind.itemsize != len(data) - offset:
-        raise Damaged(f"array '{name}' declares the shape {shape} of {kind} and holds {len(data) - offset:,} bytes")
+        raise DamagedFileError(
+            f"array '{name}' declares the shape {shape} of {kind} and holds {len(data) - offset:,} bytes"
+        )
     array = np.frombuffer(data, kind, count, offset).reshape(shape, order="F" if by_columns else "C")
     return array.astype(kind.newbyteorder("="))  # a writable copy
 
 
 @contextmanager
 def _refusing() -> Iterator[None]:
-    """Convert any error of the readers of .zip, .npy and JSON to `Damaged`: their errors are of many classes."""
+    """Convert the errors of the readers of .zip, .npy and JSON, which are of many classes, to `DamagedFileError`."""
     try:
         yield
-    except Damaged:
+    except DamagedFileError:
         raise
     except MemoryError as error:
-        raise Damaged("it does not fit into the memory") from error
+        raise DamagedFileError("it does not fit into the memory") from error
     except Exception as error:
-        raise Damaged("it is damaged") from error
+        raise DamagedFileError("it is damaged") from error

@@ -18,8 +18,8 @@ from typing import Any
 import scipy.io
 import scipy.sparse
 
-from hbgear.io.matrix_files.matrix_market import DamagedFileError
-from hbgear.io.matrix_files.unpacked_size import SPARE, TIMES, TooMuch
+from hbgear.common.process.checksums import DamagedFileError
+from hbgear.io.matrix_files.unpacked_size import SPARE, TIMES
 
 _HEADER_BYTES = 128
 """Size of the header of a file of version 5 to 7."""
@@ -40,9 +40,8 @@ def read_matlab(path: str | os.PathLike[str]) -> dict[str, Any]:
     Raises
     ------
     DamagedFileError
-        If an element has an unknown type, or is longer than the element that contains it.
-    TooMuch
-        If the variables unpack to more bytes than `unpacked_size` admits.
+        If an element has an unknown type, is longer than the element that contains it, or the variables unpack to more
+        bytes than `unpacked_size` admits.
     """
     content = Path(path).read_bytes()
     version_4 = 0 in content[:4]  # has no elements
@@ -65,7 +64,7 @@ def _plain(content: bytes) -> bytes:
         if kind == _COMPRESSED:
             part = _unpacked(content[start:end], order, remaining)
             if part is None:
-                raise TooMuch(f"it unpacks to more than {limit:,} bytes in a file of {len(content):,}; "
+                raise DamagedFileError(f"it unpacks to more than {limit:,} bytes in a file of {len(content):,}; "
                               "write sparse matrices as such")  # fmt: skip
             remaining -= len(part)
         elif kind == _MATRIX:

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.sparse
 
 from hbgear.common.optional import needed
-from hbgear.io.matrix_files.matrix_market import DamagedFileError
+from hbgear.common.process.checksums import DamagedFileError
 
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _NUMBERS = {b"double", b"single", b"logical", b"int8", b"int16", b"int32", b"int64", b"uint8", b"uint16", b"uint32",

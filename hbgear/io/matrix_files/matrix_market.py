@@ -9,14 +9,12 @@ from typing import Any
 import numpy as np
 import scipy.io
 
+from hbgear.common.process.checksums import DamagedFileError
+
 _NUMBERS = b"0123456789+-.eE \t\r\n"
 """Characters of numbers and spaces."""
 
 _TOKENS = {"real": 1, "integer": 1, "unsigned-integer": 1, "complex": 2, "pattern": 0}
-
-
-class DamagedFileError(ValueError):
-    """Error: a file of matrices is refused, with the reason."""
 
 
 def read_matrix_market(path: str | os.PathLike[str]) -> Any:

@@ -12,6 +12,8 @@ from pathlib import Path
 
 import scipy
 
+from hbgear.common.process.checksums import DamagedFileError
+
 SPARE, TIMES = 2**28, 32
 """Bytes that a file may unpack to: the first number, plus the second times the size of the file."""
 
@@ -22,13 +24,11 @@ MAX_MATRIX_ROWS = 1_000_000
 """Largest number of rows of a matrix; larger systems cannot be solved here."""
 
 
-class TooMuch(ValueError):
-    """Error: a file declares more than it can hold."""
-
-
 def check_mtx(path: str | os.PathLike[str]) -> None:
-    """Raise TooMuch for a Matrix Market file that declares more rows or entries than its text can hold."""
+    """Raise DamagedFileError for a Matrix Market file that declares more rows or entries than its text can hold."""
     rows, columns, entries, form, _, symmetry = scipy.io.mminfo(path)
     stored = entries if form == "coordinate" or symmetry == "general" else (rows * (columns - 1)) // 2
     if stored * _MIN_ENTRY_CHARACTERS[form] > os.path.getsize(path) or max(rows, columns) > MAX_MATRIX_ROWS:
-        raise TooMuch(f"it declares {rows} x {columns} with {entries} entries in {Path(path).stat().st_size:,} bytes")
+        raise DamagedFileError(
+            f"it declares {rows} x {columns} with {entries} entries in {Path(path).stat().st_size:,} bytes"
+        )

@@ -28,7 +28,7 @@ from hbgear.common.text.messages import quoted
 from hbgear.mechanics.laws.laws import Forces, Law, PiecewiseLinear, springs_of
 from hbgear.mechanics.series.fourier import Series, is_listed
 from hbgear.mechanics.series.periodic import Periodic, Phased, pieces_of
-from hbgear.mechanics.series.piecewise_polynomial import TURN, Pieced, as_cubic
+from hbgear.mechanics.series.piecewise_polynomial import TURN, PiecewisePolynomial, as_cubic
 
 
 @dataclass(frozen=True)
@@ -350,7 +350,7 @@ class MovingSpring(NamedTuple):
     level: Phased | None
 
 
-def _common_rows(functions: Sequence[Sequence[Pieced]], starts: Array) -> Array:
+def _common_rows(functions: Sequence[Sequence[PiecewisePolynomial]], starts: Array) -> Array:
     """Return cubics (T, F, J, 4) of F functions of J contacts from given phases on."""
     rows = np.array([
         [as_cubic(f.rows_at(starts)) for f in sequence] for sequence in functions
@@ -362,7 +362,7 @@ def _is_set(function: Phased) -> bool:
     return function.bound > 0.0
 
 
-def _joined(pieces: Pieced) -> Periodic:
+def _joined(pieces: PiecewisePolynomial) -> Periodic:
     return Periodic(tuple(pieces.at.tolist()), tuple(tuple(row) for row in pieces.rows.tolist()))
 
 
@@ -398,7 +398,7 @@ def moving_springs_of(law: Law) -> tuple[tuple[MovingSpring, ...], float, float]
 class Envelope(NamedTuple):
     """First level of the contacts of a flank over the period, and its smallest value times the side of the flank."""
 
-    level: Pieced
+    level: PiecewisePolynomial
     smallest: float
 
 
@@ -435,7 +435,7 @@ def first_level(contacts: tuple[ToothContact, ...], side: int) -> Envelope:
             piece_starts.append(starts[i] + start)
             out.append(np.polynomial.polynomial.Polynomial(rows[index, i])(
                 np.polynomial.polynomial.Polynomial([start, 1.0])).coef)  # fmt: skip
-    pieces = Pieced(np.array(piece_starts), np.concatenate([as_cubic(row[None]) for row in out]))
+    pieces = PiecewisePolynomial(np.array(piece_starts), np.concatenate([as_cubic(row[None]) for row in out]))
     ends = np.linspace(0.0, 1.0, 9) * pieces.widths[:, None]
     smallest = np.polynomial.polynomial.polyval(ends, pieces.rows.T[..., None], tensor=False).min()
     return Envelope(pieces.scaled(float(side)), float(smallest))

@@ -27,7 +27,7 @@ from hbgear.mechanics.series.fourier import Series, real_numbers, to_real
 from hbgear.mechanics.series.piecewise_polynomial import (
     ONE,
     TURN,
-    Pieced,
+    PiecewisePolynomial,
     derivatives,
     extremes,
     integral,
@@ -331,9 +331,9 @@ class Periodic:  # numpydoc ignore=PR02
         rows = tuple((factor * row[0] + rest, *(factor * x for x in row[1:])) for row in self.coefficients)
         return Periodic(self.phases, rows)
 
-    def pieces(self, nu: int = 1) -> Pieced:
+    def pieces(self, nu: int = 1) -> PiecewisePolynomial:
         """Return the function over nu of its periods as piecewise polynomials of the phase theta = tau / nu."""
-        return Pieced.over_periods(np.array(self.phases), self._rows, nu)
+        return PiecewisePolynomial.over_periods(np.array(self.phases), self._rows, nu)
 
     @cached_property
     def _rows(self) -> Array:
@@ -353,7 +353,7 @@ Phased: TypeAlias = Series | Periodic
 """Prescribed periodic function of the phase, with or without breakpoints."""
 
 
-def pieces_of(function: Phased, nu: int = 1) -> Pieced:
+def pieces_of(function: Phased, nu: int = 1) -> PiecewisePolynomial:
     """Return a function without harmonics as piecewise polynomials over nu of its periods, see `Periodic.pieces`."""
     return function.pieces(nu) if isinstance(function, Periodic) else ONE.scaled(function.mean)
 

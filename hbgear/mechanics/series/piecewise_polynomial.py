@@ -41,7 +41,7 @@ def rule() -> tuple[Array, Array]:
 
 
 @dataclass(frozen=True, eq=False)
-class Pieced:
+class PiecewisePolynomial:
     """Piecewise polynomials over one period [0, 2 pi) of a phase.
 
     Attributes
@@ -61,7 +61,7 @@ class Pieced:
         return np.diff(np.append(self.at, TURN))
 
     @classmethod
-    def over_periods(cls, phases: Array, rows: Array, nu: int) -> Pieced:
+    def over_periods(cls, phases: Array, rows: Array, nu: int) -> PiecewisePolynomial:
         """Return a function with segments (P,) of its phase tau over nu periods of it, of the phase tau / nu."""
         n, first = len(phases), float(phases[0])
         turns = math.floor(first / TURN)
@@ -72,15 +72,15 @@ class Pieced:
         inside = starts < TURN
         return cls(starts[inside], rows[inside]).repeated(nu)
 
-    def times(self, other: Pieced) -> Pieced:
+    def times(self, other: PiecewisePolynomial) -> PiecewisePolynomial:
         """Return the product with another function, on the segments of both."""
         starts, a, b = self._on_segments_of_both(other)
         rows = np.zeros((len(starts), a.shape[1] + b.shape[1] - 1))
         for q in range(a.shape[1]):
             rows[:, q : q + b.shape[1]] += a[:, q : q + 1] * b
-        return Pieced(starts, rows)
+        return PiecewisePolynomial(starts, rows)
 
-    def _on_segments_of_both(self, other: Pieced) -> tuple[Array, Array, Array]:
+    def _on_segments_of_both(self, other: PiecewisePolynomial) -> tuple[Array, Array, Array]:
         """Return the phases at which segments of either function start, and the polynomials of both from there on."""
         merged = np.unique(np.concatenate([self.at, other.at]))
         starts = merged[np.diff(merged, prepend=-np.inf) > _PHASE_ROUNDING]
@@ -95,24 +95,26 @@ class Pieced:
         piece = np.searchsorted(self.at, middle, side="right") - 1
         return shift_origin(self.rows[piece], starts - self.at[piece])
 
-    def plus(self, other: Pieced) -> Pieced:
+    def plus(self, other: PiecewisePolynomial) -> PiecewisePolynomial:
         """Return the sum with another function, on the segments of both."""
         starts, a, b = self._on_segments_of_both(other)
         rows = np.zeros((len(starts), max(a.shape[1], b.shape[1])))
         rows[:, : a.shape[1]] += a
         rows[:, : b.shape[1]] += b
-        return Pieced(starts, rows)
+        return PiecewisePolynomial(starts, rows)
 
-    def repeated(self, nu: int) -> Pieced:
+    def repeated(self, nu: int) -> PiecewisePolynomial:
         """Return the function over nu of its periods, of the phase theta = tau / nu."""
         theta = (self.at[None, :] + TURN * np.arange(nu)[:, None]) / nu
-        return Pieced(theta.ravel(), np.tile(self.rows * float(nu) ** np.arange(self.rows.shape[1]), (nu, 1)))
+        return PiecewisePolynomial(
+            theta.ravel(), np.tile(self.rows * float(nu) ** np.arange(self.rows.shape[1]), (nu, 1))
+        )
 
-    def scaled(self, factor: float) -> Pieced:
+    def scaled(self, factor: float) -> PiecewisePolynomial:
         """Return the function times a factor."""
-        return Pieced(self.at, factor * self.rows)
+        return PiecewisePolynomial(self.at, factor * self.rows)
 
-    def on(self, starts: Array) -> Pieced:
+    def on(self, starts: Array) -> PiecewisePolynomial:
         """Return the same function with additional beginnings of segments.
 
         Beginnings that equal others to rounding are merged.
@@ -120,7 +122,7 @@ class Pieced:
         new = starts[np.abs(starts[:, None] - self.at).min(axis=1) > _PHASE_ROUNDING]
         merged = np.sort(np.concatenate([self.at, new]))
         piece = np.searchsorted(self.at, merged, side="right") - 1
-        return Pieced(merged, shift_origin(self.rows[piece], merged - self.at[piece]))
+        return PiecewisePolynomial(merged, shift_origin(self.rows[piece], merged - self.at[piece]))
 
     def integrals(self, count: int, parts: int = 1) -> ComplexArray:
         """Return int_0^theta f exp(-i n x) dx (T + 1, count), n = 0 .. count - 1, over the first of equal parts.
@@ -135,11 +137,11 @@ class Pieced:
         return out
 
 
-ONE = Pieced(np.zeros(1), np.ones((1, 1)))
+ONE = PiecewisePolynomial(np.zeros(1), np.ones((1, 1)))
 """The constant function 1."""
 
 
-def equal_parts(functions: Sequence[Pieced]) -> tuple[list[Pieced], int]:
+def equal_parts(functions: Sequence[PiecewisePolynomial]) -> tuple[list[PiecewisePolynomial], int]:
     """Return functions on segments that begin at parts of the period on which all of them repeat, and their number.
 
     A mesh of z teeth repeats z times in a revolution. The number is 1 for functions that do not repeat.
@@ -154,7 +156,7 @@ def equal_parts(functions: Sequence[Pieced]) -> tuple[list[Pieced], int]:
     return list(functions), 1
 
 
-def _repeats(function: Pieced, number: int) -> bool:
+def _repeats(function: PiecewisePolynomial, number: int) -> bool:
     """Return whether segments that begin at equal parts of the period are equal on all parts, to rounding."""
     if len(function.at) % number:
         return False
