@@ -389,6 +389,27 @@ def label_boxes(ax):
     return {text.get_text(): text.get_window_extent(renderer) for text in texts}
 
 
+def test_curves_of_events_of_the_user_have_their_meaning_and_a_colour_each(tmp_path):
+    """Also after loading; all of them, and peaks, were black "special points"."""
+    events = [hb.Event(kind, lambda point, a=a: point.amplitude("max") - a, f"deflection of {a}")
+              for kind, a in (("low", 0.5), ("high", 0.8))]  # fmt: skip
+    curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 3), "Omega", (0.5, 1.05), events=[*events, "PK"], accuracy=None)
+    followed = [hb.follow(curve, label, "zeta", (0.05, 0.06), accuracy=None) for label in ("low1", "high1")]
+    followed[0].save(tmp_path / "a.npz")
+    ax = plot.special_curves([hb.load(tmp_path / "a.npz"), followed[1]])
+    assert [line.get_label() for line in ax.lines] == ["deflection of 0.5", "deflection of 0.8"]
+    assert len({line.get_color() for line in ax.lines}) == 2
+
+
+def test_peaks_of_files_are_followed(tmp_path):
+    """The linear oscillator: the amplitude is largest at Omega^2 = 1 - 2 zeta^2."""
+    problem = hb.HarmonicBalance(hb.Duffing(k3=0.0), 1)
+    hb.trace(problem, "Omega", (0.5, 1.5), events=["PK"]).save(tmp_path / "a.npz")
+    peaks = hb.follow(hb.load(tmp_path / "a.npz"), "PK1", "zeta", (0.05, 0.3))
+    assert peaks.tracked["Omega"][-1] == pytest.approx(np.sqrt(1 - 2 * 0.3**2), rel=1e-9)
+    assert plot.special_curves([peaks]).lines[0].get_label() == "peaks of the amplitude"
+
+
 def test_thirty_curves_leave_space_for_the_axes():
     """Thirty entries of the legend were higher than the figure, and eight colours were repeated."""
     ax = plot.responses([resonance()] * 30, names=[f"design {i}" for i in range(1, 31)])

@@ -32,6 +32,8 @@ class ScalarConditionProblem(MinimallyAugmentedProblem):
         Parameter of the curve.
     test : callable
         Smooth function of a `Point`. It may use unknowns, parameters and problem.
+    meaning : str, optional
+        Meaning of the points in figures of their curve.
 
     Examples
     --------
@@ -46,12 +48,20 @@ class ScalarConditionProblem(MinimallyAugmentedProblem):
     """
 
     test: Callable[[Point], float]
-    argument_names = ("test",)
+    meaning: str
+    argument_names = ("test", "meaning")
 
     @checked_arguments()
-    def __init__(self, problem: AnyProblem, parameter: str, test: Callable[[Point], float]) -> None:
+    def __init__(
+        self, problem: AnyProblem, parameter: str, test: Callable[[Point], float], meaning: str = ""
+    ) -> None:  # fmt: skip
         super().__init__(problem, parameter)
-        self._fixed(test=test)
+        self._fixed(test=test, meaning=meaning)
+
+    def describe(self) -> dict[str, Any]:
+        """Return the data for the header of a file, with the meaning of the points."""
+        found = super().describe()
+        return {**found, "curve": {**found["curve"], **({"meaning": self.meaning} if self.meaning else {})}}
 
     def base_at(self, X: Array, parameters: dict[str, float]) -> Borders:
         return Borders(self.problem.linearise(X, "", **parameters).size)

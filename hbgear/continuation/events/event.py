@@ -350,7 +350,7 @@ class Event:
         ValueError
             If the test function uses other data of a point than unknowns, parameters and problem, such as multipliers.
         """
-        level = ScalarConditionProblem(problem, parameter, self.test)
+        level = ScalarConditionProblem(problem, parameter, self.test, self.meaning)
         try:
             level.value(level.problem.join(point.X, point.parameters), point.parameters)
         except Exception as error:

@@ -139,8 +139,10 @@ def optional_events() -> dict[str, RegisteredEvent]:
 
 
 def event_of_kind(kind: str) -> Event | None:
-    """Return the event of a user that is registered with a kind, for special points from files, or None."""
-    events = (entry.create() for entry in optional_events().values() if entry.name not in RESERVED)
+    """Return the registered event of a kind, of a user or "PK", for special points from files, or None."""
+    events = (
+        entry.create() for entry in optional_events().values() if entry.name == kind or entry.name not in RESERVED
+    )
     return next((event for event in events if event.kind == kind), None)
 
 

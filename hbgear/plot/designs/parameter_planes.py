@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import cycle
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import SpecialPoint
 from hbgear.harmonic.bifurcations.events import named
 from hbgear.plot.labels import labels_of
-from hbgear.plot.style import COLOURS, axes_or_new, dress, legend_entry, scaled_axes, styled
+from hbgear.plot.style import BRANCHES, COLOURS, axes_or_new, dress, legend_entry, scaled_axes, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -29,6 +30,7 @@ CURVES = {
     "GrazingProblem": ("grazing contacts", (0, (1, 2)), "grey"),
     "EdgeProblem": ("grazing contacts", (0, (1, 2)), "grey"),
     "SlipProblem": ("first slips", (0, (5, 1, 1, 1, 1, 1)), "grey"),
+    "AmplitudeExtremum": ("peaks of the amplitude", "-", "black"),
 }
 """Legend entry, line style and colour of each kind of curve, by the class of its equations."""
 
@@ -79,8 +81,11 @@ def special_curves(
     scale = abscissa.scale if y == "Omega" else 1.0
     with styled():
         ax = axes_or_new(ax, (5.0, 3.4))
-        for curve in curves:
-            name, line, colour = CURVES.get(curve.meta.get("curve", {}).get("of", ""), ("special points", "-", "black"))
+        kinds: list[dict[str, str]] = [curve.meta.get("curve", {}) for curve in curves]
+        meanings = [kind.get("meaning", "special points") for kind in kinds]
+        colours = dict(zip(dict.fromkeys(meanings), cycle(BRANCHES[2:]), strict=False))  # of events of the user
+        for curve, kind, meaning in zip(curves, kinds, meanings, strict=True):
+            name, line, colour = CURVES.get(kind.get("of", ""), (meaning, "-", colours[meaning]))
             ax.plot(curve.values, scale * curve.tracked[y], linestyle=line, color=colour, label=name)
         _mark(ax, [p for curve in curves for p in curve.special], (x, y), scale)
         if is_new:
