@@ -36,7 +36,7 @@ from hbgear.harmonic.bifurcations.events import named
 from hbgear.harmonic.equations.layout import Layout, layout_of
 from hbgear.harmonic.models.frequency_units import MESH, PINION, common_scales, length_scale, model_of
 from hbgear.io.branches.columns import bracketed, label_of
-from hbgear.mechanics.series.measures import default_measures
+from hbgear.mechanics.series.measures import default_measures, motion_text
 from hbgear.plot.branch_sections import HEADROOM, bounded, sections
 from hbgear.plot.style import legend_entry
 
@@ -76,12 +76,12 @@ def view(branch: Branch, name: str, landed: Sequence[Landing] = (), with_forces:
     quantities = _quantities(branch, elements, with_forces) if length else {}
     axes = {name: entry.label for name, entry in quantities.items()}
     label = label_of(branch, branch.parameter)
-    motion = layout.labels.get("amplitude", "gap")
+    motion = layout.labels.get("amplitude") or motion_text({})
     Omega = [branch.parameters_at(i).get("Omega", math.nan) for i in range(len(branch))]
     return {
         "name": name,
         "parameter": branch.parameter,
-        "label": in_html(label),
+        "label": "Ω" if label == "Omega" else in_html(label),
         "motion": in_html(motion).removesuffix(" [-]"),
         "motionText": without_unit(motion),
         "unit": unit_of(motion),

@@ -328,6 +328,15 @@ def test_measured_transmission_errors_are_drawn_among_transmission_errors(tmp_pa
             assert [group["measure"] for group in dots_of(tmp_path / "run.csv", [curve])] == [measure]
 
 
+def test_matrices_have_no_unit_that_is_not_stated():
+    """The page called the displacement of any element of matrices "gap [-]"; figures state "model units"."""
+    stop = hb.Element(direction=[1.0], law=hb.Unilateral(k=1.0, gap=1.0), name="stop")
+    system = hb.System([[1.0]], [[0.1]], [[1.0]], elements=[stop], load=hb.Load(cosine={1: [0.2]}))
+    curve = hb.trace(hb.HarmonicBalance(system, 4), "Omega", (1.9, 2.0), stability=False)
+    (drawn,) = views([curve], ["stop"])
+    assert (drawn["motion"], drawn["unit"], drawn["label"]) == ("d (model units)", "", "Ω")
+
+
 def test_a_bearing_has_no_transmission_error(tmp_path):
     """Tables, figures and pages show half of the peak-to-peak displacement of a bearing under this name."""
     model = hb.gears.GearRotorBearing(reference=(38000.0, 37.6e-6, 15000.0, 25))

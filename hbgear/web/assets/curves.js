@@ -276,7 +276,7 @@ const hbgear = (() => {
              hoverlabel: { bgcolor: ink.paper, bordercolor: ink.line, font: { color: ink.text } }, ...more };
   }
 
-  const unitText = (curve) => (state.units ? ` [${curve.unit}]` : curve.unit && curve.unit !== "1" ? "" : " [-]");
+  const unitText = (curve) => (state.units ? ` [${curve.unit}]` : curve.unit === "1" ? " [-]" : "");
 
   function heightText(curve) { // label of the vertical axis
     return curve.axes[state.measure] || `${measureText(curve)} of ${curve.motion}${unitText(curve)}`;
