@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -49,7 +50,7 @@ class ScalarConditionProblem(MinimallyAugmentedProblem):
 
     test: Callable[[Point], float]
     meaning: str
-    argument_names = ("test", "meaning")
+    argument_names: ClassVar[tuple[str, ...]] = ("test", "meaning")
 
     @checked_arguments()
     def __init__(
