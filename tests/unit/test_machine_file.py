@@ -302,7 +302,8 @@ def test_gear_states_its_assumptions(run):
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["--z", "25"], "--z 25: need two numbers, such as --z 25,40"),
+        (["--z", "25"], "--z 25: need two whole numbers, such as --z 25,40"),
+        (["--z", "25.5,40"], "--z 25.5,40: need two whole numbers"),
         (["--shift", "1.9,0"], "pointed"),
         (["--module", "3"], "module = '3' has no unit"),
         (["--backlash", "80mm"], "as large as a tooth"),

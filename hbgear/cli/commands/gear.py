@@ -405,5 +405,6 @@ def _two_values(option: str, text: str, kind: type, example: str) -> tuple[Any, 
     try:
         first, second = (kind(word) for word in words)
     except ValueError:
-        raise ValueError(f"{option} {text}: need two numbers, such as {option} {example}") from None
+        numbers = {int: "whole numbers", float: "numbers"}.get(kind, "values")
+        raise ValueError(f"{option} {text}: need two {numbers}, such as {option} {example}") from None
     return first, second
