@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-@checked_arguments()
+@checked_arguments(branch="one Branch, as trace and load give it; responses draws several")
 def response(
     branch: Branch,
     measure: str | None = None,

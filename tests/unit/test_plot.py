@@ -442,6 +442,8 @@ def test_several_branches_have_their_own_colours_names_and_labels():
     assert list(label_boxes(ax)) == ["LP1 (1)", "LP2 (1)", "LP1 (2)", "LP2 (2)"]
     named = plot.responses((one, two), names=("before", "after")).get_legend().get_texts()
     assert [text.get_text() for text in named[:2]] == ["(1) before", "(2) after"]
+    with pytest.raises(TypeError, match=r"needs one Branch, .*; responses draws several"):
+        plot.response([one, two])
     with pytest.raises(ValueError, match="1 names for 2 branches"):
         plot.responses((one, two), names=("before",))
     with pytest.raises(ValueError, match="no branch"):
