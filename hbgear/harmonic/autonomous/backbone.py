@@ -257,7 +257,8 @@ class BackboneProblem(ContinuationProblem):
         size = max(size, norm(springs * d))  # in a linear mode without forces of the elements all terms are rounding
         size = max(size, CANCELLED_TERMS * float(np.linalg.norm(terms @ np.abs(rows.T[1:, :, None]))))
         amplitude = parameters[AMPLITUDE]
-        checked("BackboneProblem", AMPLITUDE, amplitude, POSITIVE)
+        if not amplitude > 0:  # of a prediction; the span is positive
+            raise NoConvergence(f"amplitude = {amplitude:.6g} must be positive", X, parameters, [])
         alternating = d * self._alternating
         rms = norm(alternating) / np.sqrt(2.0)
         # the conditions of phase and amplitude weigh as much as the balance
