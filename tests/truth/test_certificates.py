@@ -251,6 +251,30 @@ def test_a_certificate_is_saved_as_exact_decimals_and_proved_again(fold: Certifi
         Certificate.from_dict({"format": "another"})
 
 
+@pytest.mark.parametrize(
+    "change",
+    [{"Omega": ("0.708", "0.709")}, {"Omega": ("0.70802", "0.7080316187218310")}, {"stable": False}, {"kind": "GR"},
+     {"uniqueness": 1.0}, {"instants": ()}, {"multipliers": (("1", "0", "1e-9"), ("0", "0", "2e-30"))}],
+)  # fmt: skip
+def test_numbers_that_the_proof_does_not_give_are_refused(fold: Certificate, change: dict[str, Any]) -> None:
+    """Wider intervals follow from the proof, other ones do not."""
+    stated = dataclasses.replace(fold, **change)
+    if change == {"Omega": ("0.708", "0.709")}:
+        assert stated.verify().Omega == fold.Omega
+        return
+    with pytest.raises(
+        NotCertifiedError, match=r"stated numbers: the proof gives a fold with Omega between 0\.7080316"
+    ):
+        stated.verify()
+
+
+def test_a_damaged_claim_is_refused(fold: Certificate) -> None:
+    claim = copy.deepcopy(fold.claim)
+    claim["center"] = claim["center"][:2]
+    with pytest.raises((ValueError, NotCertifiedError)):
+        dataclasses.replace(fold, claim=claim).verify()
+
+
 def test_the_sentence_states_proof_and_assumptions(fold: Certificate) -> None:
     assert "exactly one periodic motion with multiplier 1" in fold.statement and fold.Omega[0] in fold.statement
     assert "all other multipliers lie inside the unit circle" in fold.statement

@@ -10,10 +10,12 @@ import dataclasses
 import json
 from dataclasses import dataclass
 from decimal import Decimal, InvalidOperation
+from fractions import Fraction
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
+from hbgear.analysis.certificates.conditions import NotCertifiedError
 from hbgear.analysis.certificates.proof import prove
 from hbgear.common.atomic_write import atomic_write
 from hbgear.common.text.messages import shortened
@@ -145,9 +147,34 @@ class Certificate:
         Raises
         ------
         NotCertifiedError
-            If a condition fails; the message states which one.
+            If a condition fails; the message states which one. The condition "stated numbers" fails if this certificate
+            has other numbers than the proof gives.
+        ValueError
+            If the decimals are not those of a certificate.
         """
-        return Certificate.of(self.claim, self.label)
+        try:
+            proved = Certificate.of(self.claim, self.label)
+        except (KeyError, TypeError, IndexError, InvalidOperation) as error:
+            raise ValueError(f"the certificate is damaged ({type(error).__name__}: {error})") from None
+        if not self._follows_from(proved):
+            raise NotCertifiedError(
+                "stated numbers", f"the proof gives a {NAMES[proved.kind]} with Omega between {proved.Omega[0]} and "
+                f"{proved.Omega[1]}, and not all numbers that the certificate states; certify the point again"
+            )  # fmt: skip
+        return proved
+
+    def _follows_from(self, proved: Certificate) -> bool:
+        """Return whether all intervals and discs of this certificate contain those of a proof."""
+        intervals = zip((self.Omega, *self.instants), (proved.Omega, *proved.instants), strict=False)
+        discs = zip(self.multipliers, proved.multipliers, strict=False)
+        counts = len(self.instants) == len(proved.instants) and len(self.multipliers) == len(proved.multipliers)
+        same = counts and (self.kind, self.stable) == (proved.kind, proved.stable)
+        return same and self.uniqueness <= proved.uniqueness and all(
+            Fraction(low) <= Fraction(x) and Fraction(y) <= Fraction(high) for (low, high), (x, y) in intervals
+        ) and all(
+            abs(Fraction(x) - Fraction(a)) + abs(Fraction(y) - Fraction(b)) + Fraction(r) <= Fraction(radius)
+            for (x, y, radius), (a, b, r) in discs
+        )  # fmt: skip
 
     @staticmethod
     def of(claim: dict[str, Any], label: str) -> Certificate:

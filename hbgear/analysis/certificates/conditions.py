@@ -9,7 +9,8 @@ class NotCertifiedError(ValueError):
     Attributes
     ----------
     condition : str
-        "model", "start", "contact order", "existence", "order of instants", "transversality", "gaps" or "grazing".
+        "model", "start", "contact order", "existence", "order of instants", "transversality", "gaps", "grazing", or
+        "stated numbers" of a certificate that is verified.
 
     Examples
     --------
