@@ -40,6 +40,22 @@ def test_unequal_places_mix_the_modes():
     assert "mixed" in {mode.kind for mode in uneven.modes()}
 
 
+@pytest.mark.parametrize("digits", [2, 4])
+@pytest.mark.parametrize("teeth", [(28, 14, 56), (30, 12, 54)])
+def test_rounded_positions_are_those_of_matching_teeth(teeth, digits):
+    """Seven planets every 51.43 degrees: the teeth match at 360 / 7 only, where torque or force cancel exactly."""
+    exact = hb.gears.PlanetarySet(*teeth, planets=7)
+    spacing = tuple(round(360 * n / 7, digits) for n in range(7))
+    rounded = exact.replace(spacing=spacing)
+    assert rounded.phasing == exact.phasing
+    assert [rounded.excitation(n) for n in (1, 2, 3)] == [exact.excitation(n) for n in (1, 2, 3)]
+    np.testing.assert_allclose(list(rounded.lags.values()), list(exact.lags.values()), atol=1e-9)
+    np.testing.assert_allclose(rounded.angles, exact.angles, atol=1e-12)
+    opposite = hb.gears.PlanetarySet(spacing=(0.0, 92.81, 180.0, 272.81))  # 33 of 128 steps are 92.8125 degrees
+    assert opposite.lags["sun-p2"] == pytest.approx(2 * np.pi * (28 * 33 / 128 % 1), abs=1e-9)
+    assert opposite.excitation(1) == ("torque",)  # 28 is even, so that opposite planets mesh together
+
+
 @pytest.mark.parametrize("teeth", [(28, 36, 100), (27, 35, 97), (26, 34, 94), (30, 26, 82)])
 @pytest.mark.parametrize(
     ("driver", "fixed", "sense"),

@@ -66,7 +66,8 @@ class PlanetarySet(PlanetaryLayout):  # numpydoc ignore=PR02
     planets : int, default 4
         Number N of planets.
     spacing : tuple of float, optional
-        Positions psi_n of the planets [degrees]; () for equal spacing.
+        Positions psi_n of the planets [degrees], rounded or not, near multiples of 360 / (z_s + z_r) from the first;
+        () for equal spacing.
     fixed : {"ring", "sun", "carrier"}, default "ring"
         Member that does not turn, held by ``k_t``.
     driver : {"ring", "sun", "carrier"}, default "sun"

@@ -37,7 +37,7 @@ class PlanetaryKinematics:
     teeth_s, teeth_p, teeth_r : int
         Numbers of teeth of sun, planet and ring.
     angles : tuple of float
-        Positions psi_n of the planets [rad].
+        Given positions psi_n of the planets [rad]; see `positions`.
     fixed, driver : {"ring", "sun", "carrier"}
         Member that does not turn, and driving member.
     thickness_p : float, default 0.5
@@ -56,6 +56,13 @@ class PlanetaryKinematics:
     def planets(self) -> int:
         """Number N of planets."""
         return len(self.angles)
+
+    @cached_property
+    def positions(self) -> tuple[float, ...]:
+        """Positions [rad] at which the teeth match exactly: the given ones without their rounding."""
+        pitch = 2 * pi / (self.teeth_s + self.teeth_r)
+        first = self.angles[0]
+        return tuple(first + pitch * round((psi - first) / pitch) for psi in self.angles)
 
     @property
     def speeds(self) -> dict[str, Fraction]:
@@ -86,7 +93,7 @@ class PlanetaryKinematics:
         names = [f"p{n + 1}" for n in range(self.planets)]
         for name in names:
             wheels[name] = Wheel(name, 1.0, teeth=self.teeth_p, base_radius=0.4 * self.teeth_p)
-        t, places = self.thickness_p, list(zip(names, self.angles, strict=True))
+        t, places = self.thickness_p, list(zip(names, self.positions, strict=True))
         meshes = [Mesh("sun", name, 1e8, direction=psi, thickness=(1 - t, t)) for name, psi in places]
         # the centre of the ring lies on the opposite side of the planet
         meshes += [Mesh(name, "ring", 1e8, direction=psi + pi, thickness=(t, 1 - t)) for name, psi in places]
@@ -110,7 +117,7 @@ class PlanetaryKinematics:
         """Return the resultants that a mesh harmonic excites; see `PlanetarySet.excitation`."""
         counted("PlanetarySet: harmonic", harmonic, 10_000)
         waves = np.exp(-1j * harmonic * np.array(self.lags[: self.planets]))
-        psi = np.array(self.angles)
+        psi = np.array(self.positions)
         sums = {"torque": [np.ones(self.planets)], "force": [np.exp(1j * psi), np.exp(-1j * psi)]}
         limit = RESULTANT_TOLERANCE * self.planets
         return tuple(name for name, vectors in sums.items() if max(abs(waves @ v) for v in vectors) > limit)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
-from math import pi, radians, sqrt
+from math import radians, sqrt
 from typing import Any, ClassVar, Literal
 
 from hbgear.common.argument_checks import check
@@ -161,17 +161,17 @@ class PlanetaryLayout(Model):
 
     @property
     def angles(self) -> tuple[float, ...]:
-        """Positions psi_n of the planets [rad]."""
-        if self.spacing:
-            return tuple(radians(x) for x in self.spacing)
-        return tuple(2 * pi * n / self.planets for n in range(self.planets))
+        """Positions psi_n of the planets [rad], at which their teeth match exactly."""
+        return self.kinematics.positions
 
     @cached_property
     def kinematics(self) -> PlanetaryKinematics:
         """Speeds of the members and phases of the meshes."""
+        degrees = self.spacing or tuple(360 * n / self.planets for n in range(self.planets))
         return PlanetaryKinematics(
-            self.teeth_s, self.teeth_p, self.teeth_r, self.angles, self.fixed, self.driver, self.thickness_p
-        )
+            self.teeth_s, self.teeth_p, self.teeth_r, tuple(radians(x) for x in degrees), self.fixed, self.driver,
+            self.thickness_p,
+        )  # fmt: skip
 
     @property
     def speeds(self) -> dict[str, Fraction]:
