@@ -402,6 +402,8 @@ def test_all_default_rings():
          "reach 0.450 mm into the roots of the ring of 60; give the pinion a tip_diameter of at most 67.5 mm"),
         (lambda: hb.GearPair(gear(25), gear(24, internal=True, addendum=0.6)), "no space"),
         (lambda: pair(17, 17).mesh(0.0), "torque = 0 N m must be positive"),
+        (lambda: pair(17, 17).mesh("1e6 N m"), r"torque = 1e\+06 N m on the pinion would deflect .* module of 3 mm"),
+        (lambda: hb.gears.tooth_mesh(pair(17, 17), "1e9 N m"), r"torque = 1e\+09 N m on the pinion would deflect"),
         (lambda: pair().mesh("200 N"), "quantity in N m"),
         (lambda: pair().mesh(200.0, linearized="chord"), "'secant' or 'tangent'"),
     ],

@@ -231,7 +231,8 @@ def static_equilibrium(pair: GearPair, c: Contacts, force: float) -> tuple[Array
     """Return the displacement delta (N,) under the force, the tangent stiffness dF/d(delta) (N,) and loads (N, M).
 
     A fixed-point iteration updates the contact compliance with the loads of the last iteration. In each iteration the
-    sum of springs is solved for delta by Newton's method from above, where it is convex.
+    sum of springs is solved for delta by Newton's method from above, where it is convex. ValueError is raised if the
+    teeth yield by more than a module.
     """
     load = np.where(c.present, force / np.maximum(c.present.sum(axis=1, keepdims=True), 1), 0.0)
     delta = np.zeros(len(load))
@@ -252,6 +253,13 @@ def static_equilibrium(pair: GearPair, c: Contacts, force: float) -> tuple[Array
         delta = new_delta
         if converged:
             break
+    module, largest = pair.pinion.module, float(delta.max())
+    if force > 0 and largest - float(np.min(c.gap[c.present])) > module:
+        raise ValueError(
+            f"GearPair: torque = {force * pair.base_radii[0]:g} N m on the pinion would deflect the teeth by "
+            f"{1e3 * largest:.3g} mm, more than their module of {1e3 * module:g} mm, at which teeth break: give a "
+            "smaller torque (is it in N m?) or a larger face_width or module"
+        )
     contact, decrease = contact_compliance(pair, c, np.maximum(load, MIN_LOAD_FRACTION * force))
     stiffness = np.where(load > 0, part / np.maximum(c.teeth + contact - decrease, 0.5 * c.teeth), 0.0)
     return delta, np.sum(stiffness, axis=1), load
