@@ -45,6 +45,11 @@ def digits_of(motions: Point | Branch, limit: int = 8) -> int:
     with np.errstate(all="ignore"):
         errors = motions.truncation if isinstance(motions, SpecialPoint) else motions.error
         error = float(np.max(np.asarray(errors) / np.max(sizes, axis=0)))
+    return _digits_with_error(error, limit)
+
+
+def _digits_with_error(error: float, limit: int) -> int:
+    """Return the number of significant digits of a value with a relative error, nan if it is unknown."""
     digits = DIGITS_WITHOUT_ERROR if math.isnan(error) else limit if error == 0 else math.floor(-math.log10(error)) + 1
     return min(max(digits, 3), limit)
 
@@ -80,8 +85,11 @@ def position_headers(branch: Branch, dimensionless: bool = False) -> list[str]:
 def position_texts(branch: Branch, point: Point, dimensionless: bool = False) -> list[str]:
     """Return the cells of `position_headers` at a point, with their significant digits."""
     speeds = dict(zip(speeds_of(branch, point), speeds_in_text(branch, point), strict=True))
-    headers = position_headers(branch, dimensionless)
-    return [speeds[name] if name in speeds else text_at(point, name) for name in headers]
+    texts = {name: text_at(point, name) for name in point.parameters} | {
+        name: rounded(point.parameters[name], min(digits_of(point), _digits_with_error(error, 8)))
+        for name, error in branch.unknown_errors.items()
+    }
+    return [speeds[name] if name in speeds else texts[name] for name in position_headers(branch, dimensionless)]
 
 
 def special_table(
@@ -221,6 +229,9 @@ def reliability_lines(branch: Branch, dimensionless: bool = False) -> list[str]:
     errors = [f"special points {error}" for error in _special_point_error(branch)]
     if not math.isnan(branch.relative_error):
         errors.append(f"response {branch.relative_error:.0e}")
+    errors += [
+        f"{name} {'unknown' if math.isnan(error) else f'{error:.0e}'}" for name, error in branch.unknown_errors.items()
+    ]
     texts = [f"Estimated relative error: {', '.join(errors) or 'unknown'}", *_determined_stability(branch)]
     return ["; ".join(texts), *(f"warning: {in_speeds(branch, warning, dimensionless)}" for warning in branch.warnings)]
 
@@ -275,8 +286,9 @@ def speeds_in_text(branch: Branch, point: Point) -> list[str]:
     """Return the values of `speeds_of` with their significant digits."""
     Omega = point.parameters.get("Omega", 0.0)
     error = point.error / Omega if isinstance(point, SpecialPoint) and branch.parameter == "Omega" else math.nan
+    digits = min(digits_of(point, 6), _digits_with_error(branch.unknown_errors.get("Omega", 0.0), 6))
     return [
-        rounded(value, digits_of(point, 6)) if math.isnan(error) else concise(value, abs(error * value), 6)
+        rounded(value, digits) if math.isnan(error) else concise(value, abs(error * value), 6)
         for value in speeds_of(branch, point).values()
     ]
 

@@ -13,7 +13,7 @@ from hbgear.analysis.quantities.length_units import factor_of
 from hbgear.analysis.summary import reliability_lines
 from hbgear.cli import complete as cli_complete
 from hbgear.cli import options
-from hbgear.cli.output import exit_code, print_table, print_text, show_branch
+from hbgear.cli.output import exit_code, print_table, print_text, show_branch, show_reliability
 from hbgear.cli.output_files import outputs
 from hbgear.cli.quantities import number_of
 from hbgear.cli.support import (
@@ -83,6 +83,7 @@ def backbone(
         ]
         if peaks:
             print_table([axis.name, f"rms of all elements{unit}"], peaks, "predicted resonance peaks, order 1")
+        show_reliability(curve, dimensionless)
     raise typer.Exit(exit_code(curve))
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -107,9 +107,17 @@ def build_branch(
             "hbgear": __version__,
             **problem.describe(),
             "trace": settings,
+            **_errors_of_unknowns(points, problem.unknown_parameters),
         },
         problem=problem.original,
     )
+
+
+def _errors_of_unknowns(points: list[CurvePoint], names: Sequence[str]) -> dict[str, dict[str, float]]:
+    """Return the largest relative error of each unknown parameter, as an entry of a header; empty without errors."""
+    checked = [point.observed["unknown_errors"] for point in points if "unknown_errors" in point.observed]
+    errors = {name: float(np.fmax.reduce([errors[name] for errors in checked])) for name in names if checked}
+    return {"unknown_errors": errors} if errors else {}
 
 
 def build_special_point(

@@ -203,6 +203,14 @@ class BranchData:
         return math.nan if np.isnan(relative).all() else float(np.nanmax(relative))
 
     @property
+    def unknown_errors(self) -> dict[str, float]:
+        """Largest estimated error, relative to its value, of each parameter that is an unknown of free motions.
+
+        nan if it is unknown. Empty for curves whose other parameters are constant.
+        """
+        return self.meta.get("unknown_errors", {})
+
+    @property
     def asymptotes(self) -> dict[str, float]:
         """Parameter values at which the solutions grow without bound, beyond the "first" or the "last" point."""
         return self.meta.get("asymptotes", {})

@@ -19,6 +19,7 @@ def append_continuation(first: Branch, second: Branch) -> Branch:
     consecutively. Jumps are removed and have to be searched again.
     """
     n, problem = len(first), most_resolved(first, second)
+    ends = {"first": first.asymptotes.get("first"), "last": second.asymptotes.get("last")}
     first, second = padded_to_common_size(first, second)
     names = list(_ARRAYS)
     if first.multipliers is not None and second.multipliers is not None:
@@ -32,10 +33,17 @@ def append_continuation(first: Branch, second: Branch) -> Branch:
     tracked = {k: np.concatenate([first.tracked[k], x[1:]]) for k, x in second.tracked.items()}
     return dataclasses.replace(
         second, **{"multipliers": None, **arrays}, special=tuple(special), jump_records=(), tracked=tracked,
-        full_motion=None,
-        meta=with_asymptotes(second.meta, first=first.asymptotes.get("first"), last=second.asymptotes.get("last")),
-        others=first.others, problem=problem,
+        full_motion=None, meta=_joined_header(first, second, ends), others=first.others, problem=problem,
     )  # fmt: skip
+
+
+def _joined_header(first: Branch, second: Branch, ends: dict[str, float | None]) -> dict[str, Any]:
+    """Return the header of the second part, with the asymptotes of a curve and the larger errors of both parts."""
+    meta, errors = with_asymptotes(second.meta, **ends), (first.unknown_errors, second.unknown_errors)
+    largest = {
+        name: float(np.fmax.reduce([x.get(name, np.nan) for x in errors])) for name in {**errors[0], **errors[1]}
+    }
+    return meta | ({"unknown_errors": largest} if largest else {})
 
 
 def concatenate(backward: Branch, forward: Branch) -> Branch:
@@ -51,7 +59,8 @@ def concatenate(backward: Branch, forward: Branch) -> Branch:
     reversed_backward = dataclasses.replace(backward, **arrays, special=special, tracked=tracked)
     joined = append_continuation(reversed_backward, forward)
     worse = backward if not backward.status.complete else forward
-    meta = with_asymptotes(forward.meta, first=backward.asymptotes.get("last"), last=forward.asymptotes.get("last"))
+    ends = {"first": backward.asymptotes.get("last"), "last": forward.asymptotes.get("last")}
+    meta = _joined_header(backward, forward, ends)
     message = f"{forward.message}; the other way {backward.message}"
     return dataclasses.replace(joined, status=worse.status, message=message, meta=meta)
 

@@ -53,6 +53,11 @@ def branch_warnings(branch: BranchData) -> tuple[str, ...]:
             )
         else:
             out.append(f"the relative error of motions is up to {at}; trace with more harmonics")
+    out += [
+        f"the relative error of {name} is up to {error:.0e}; trace with more harmonics"
+        for name, error in branch.unknown_errors.items()
+        if error > MAX_RELATIVE_ERROR
+    ]
     return tuple(out)
 
 

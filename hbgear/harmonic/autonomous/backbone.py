@@ -37,6 +37,7 @@ from hbgear.continuation.tracing.trace import trace
 from hbgear.harmonic.autonomous.modes import STATIC_FREQUENCY, LinearMode, linear_mode
 from hbgear.harmonic.autonomous.phase import in_phase, phase_vector
 from hbgear.harmonic.autonomous.unforced import unforced_balance
+from hbgear.harmonic.balance.resolution import add_errors_of_free_motions, finer_balance
 from hbgear.harmonic.bifurcations.grazing import GrazingEvent
 from hbgear.harmonic.bifurcations.slip import SlipEvent
 from hbgear.harmonic.equations.evaluator import Evaluator
@@ -305,6 +306,14 @@ class BackboneProblem(ContinuationProblem):
         values = model_parameters(parameters)
         observed = self.balance.observe_many(d[None], "Omega", np.array([unknown["Omega"]]), False, **values)[0]
         return {name: observed[name] for name in ("regime", "error", "clearance", "edge", "slip") if name in observed}
+
+    def check_errors(
+        self, X: Array, name: str, values: Array, observed: Sequence[dict[str, Any]], parameters: Mapping[str, float]
+    ) -> None:
+        """Check errors with twice the harmonics, also of Omega and D; see `hbgear.harmonic.balance.resolution`."""
+        balance = finer_balance(self.balance, model_parameters(parameters))
+        finer = None if balance is None else self._on(balance)
+        add_errors_of_free_motions(self, finer, balance, X, name, values, observed, parameters)
 
     def events(self, parameter: str) -> tuple[Event, ...]:
         """Return grazing contacts, and first slips of friction sliders."""

@@ -14,7 +14,7 @@ Doedel, Keller and Kernevez (1991), Int. J. Bifurcation Chaos 1(4), https://doi.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -36,6 +36,7 @@ from hbgear.harmonic.autonomous.phase import in_phase, phase_vector, without_tri
 from hbgear.harmonic.autonomous.prescribed_amplitude import PrescribedAmplitude
 from hbgear.harmonic.autonomous.recurrence import SampledMotion, repeated_motion
 from hbgear.harmonic.autonomous.unforced import Unforced, unforced_balance
+from hbgear.harmonic.balance.resolution import add_errors_of_free_motions, finer_balance
 from hbgear.mechanics.models import Model, describe
 from hbgear.mechanics.series.fourier import to_real
 
@@ -123,6 +124,14 @@ class LimitCycleProblem(MinimallyAugmentedProblem):
         if "multipliers" in observed:
             out["multipliers"] = without_trivial(observed["multipliers"])
         return out
+
+    def check_errors(
+        self, X: Array, name: str, values: Array, observed: Sequence[dict[str, Any]], parameters: Mapping[str, float]
+    ) -> None:
+        """Check errors with twice the harmonics, also that of Omega; see `hbgear.harmonic.balance.resolution`."""
+        balance = finer_balance(self.problem, {**parameters, name: float(values[0])})
+        finer = None if balance is None else self.for_problem(balance)
+        add_errors_of_free_motions(self, finer, balance, X, name, values, observed, parameters)
 
 
 _FIRST_AMPLITUDE = 5e-2

@@ -15,7 +15,14 @@ from typing import Any
 import numpy as np
 
 from hbgear.common.arrays import Array
-from hbgear.harmonic.balance.resolution import CHECK_INTERVAL, MAX_CHECKED_UNKNOWNS, distance_to_solution, every
+from hbgear.continuation.numerics.linear import norm
+from hbgear.harmonic.balance.resolution import (
+    CHECK_INTERVAL,
+    MAX_CHECKED_UNKNOWNS,
+    change_to_solution,
+    every,
+    relative_changes,
+)
 
 
 def check_errors(
@@ -31,7 +38,12 @@ def check_errors(
         return
     finer, subset = finer_problem(problem), every(CHECK_INTERVAL, np.arange(len(X)))
     sizes = np.array([max(entry["error"], 1e-300) for entry in observed])
-    errors = [resolution_error(problem, finer, X[i], {**parameters, name: float(values[i])}) for i in subset]
+    errors = []
+    for i in subset:
+        error, of_unknowns = resolution_error(problem, finer, X[i], {**parameters, name: float(values[i])})
+        errors.append(error)
+        if problem.free_phase:
+            observed[i]["unknown_errors"] = of_unknowns
     ratios = np.array(errors) / sizes[subset]
     known = np.isfinite(ratios)
     if known.any():
@@ -48,10 +60,17 @@ def finer_problem(problem: Any) -> Any:
     return out
 
 
-def resolution_error(problem: Any, finer: Any, X: Array, parameters: Mapping[str, float]) -> float:
-    """Return the rms distance of a torus X (n + 1,) from the one with more harmonics; nan if it is unknown."""
+def resolution_error(
+    problem: Any, finer: Any, X: Array, parameters: Mapping[str, float]
+) -> tuple[float, dict[str, float]]:  # fmt: skip
+    """Return the rms distance of a torus X (n + 1,) from the one with more harmonics, and the error of Omega_2.
+
+    The latter is relative. Errors that are unknown are nan.
+    """
     rows = X[:-1].reshape(problem.balance.m, -1)
     start = np.append(finer.basis.convert(rows, problem.basis).ravel(), X[-1])
     weight = np.where(finer.basis.k.any(axis=1), np.sqrt(0.5), 1.0)
     weights = np.append(np.tile(np.concatenate([weight, weight[1:]]), len(rows)), 0.0)
-    return distance_to_solution(finer.with_borders_at(start, parameters, renew=True), start, weights, parameters)
+    finer = finer.with_borders_at(start, parameters, renew=True)
+    change = change_to_solution(finer, start, weights, parameters, "Omega")
+    return norm(weights * change), relative_changes(finer, start, change)
