@@ -286,7 +286,7 @@ def test_the_error_next_to_sticking_is_not_the_distance_from_the_curve():
     for Omega in (0.585, 1.03, 1.05, 1.33):
         i = int(np.argmin(np.abs(curve.values - Omega)))
         parameters = curve.parameters_at(i)
-        change = change_to_solution(finer, finer.resized(curve.X[i]), weight, parameters, "Omega")
+        change = change_to_solution(finer, finer.resized(curve.X[i]), weight, parameters, "Omega", sliders=True)
         estimate = np.linalg.norm(weight * change)
         x = motion_with_stops(parameters["Omega"], 0.5, 0.47, 240.0)
         error = np.sqrt(np.mean((curve[i].samples(0, 1024)[1] - x) ** 2))

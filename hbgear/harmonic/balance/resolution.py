@@ -154,7 +154,8 @@ def _resolution_error(problem: Any, X: Array, parameters: Mapping[str, float]) -
         return math.nan
     start = refined.resized(X)
     weight = rms_weights(refined)
-    return norm(weight * change_to_solution(refined, start, weight, parameters, "Omega"))
+    sliders = bool(refined.slider_names)
+    return norm(weight * change_to_solution(refined, start, weight, parameters, "Omega", sliders))
 
 
 def rms_weights(problem: Any) -> Array:
@@ -163,14 +164,16 @@ def rms_weights(problem: Any) -> Array:
 
 
 def change_to_solution(
-    problem: Any, start: Array, weight: Array, parameters: Mapping[str, float], name: str
+    problem: Any, start: Array, weight: Array, parameters: Mapping[str, float], name: str, sliders: bool = False
 ) -> Array:  # fmt: skip
     """Return the change (n,) of unknowns to a solution of a problem, with weights (n,); nan if it is unknown.
 
     It is the Newton step at the same parameters if a second step with the same Jacobian is shorter (Deuflhard's natural
-    monotonicity test). Otherwise Newton's method is completed. Next to a fold in the parameter ``name`` the other
-    motion is far away or does not exist. Then the parameter is free, and the change to the curve is returned; a change
-    of the parameter, relative to its size, weighs as much as that of the motion relative to its own.
+    monotonicity test). Next to a fold in the parameter ``name`` it is not, because the other motion is far away or does
+    not exist. Then the parameter is free, and the change to the curve is returned; a change of the parameter, relative
+    to its size, weighs as much as that of the motion relative to its own. If a free parameter changes the step little,
+    there is no fold: the force is so steep that one step is inaccurate, and Newton's method is completed. With friction
+    sliders it always is, because the order of their stops changes within the step.
     """
     R, J, slope, _ = problem.linearise(start, name, **parameters)
     unknown = np.full(len(start), np.nan)
@@ -184,11 +187,16 @@ def change_to_solution(
         return unknown
     if norm(weight * second) <= norm(weight * step):
         return step
-    with suppress(*SOLVER_ERRORS):
-        return solve(problem, start, parameters).X - start
     direction, size = weight * tangent, norm(weight * start) / problem.unit_of(name, parameters[name])
-    along = -(weight * step @ direction) / (direction @ direction + size**2)
-    return step + along * tangent
+    to_curve = step - (weight * step @ direction) / (direction @ direction + size**2) * tangent
+    if sliders or norm(weight * to_curve) > STEP_WITHOUT_FOLD * norm(weight * step):
+        with suppress(*SOLVER_ERRORS):
+            return solve(problem, start, parameters).X - start
+    return to_curve
+
+
+STEP_WITHOUT_FOLD = 0.2
+"""Distance from a curve over the Newton step at the same parameters, above which the point is not next to a fold."""
 
 
 def add_errors_of_free_motions(
@@ -214,7 +222,8 @@ def add_errors_of_free_motions(
     for i in subset:
         start, at = finer.resized(X[i]), {**parameters, name: float(values[i])}
         weight = np.append(rms_weights(balance), np.zeros(len(problem.unknown_parameters)))
-        change = change_to_solution(finer.with_borders_at(start, at, renew=True), start, weight, at, name)
+        bordered = finer.with_borders_at(start, at, renew=True)
+        change = change_to_solution(bordered, start, weight, at, name, bool(balance.slider_names))
         observed[i]["unknown_errors"] = relative_changes(finer, start, change)
         errors.append(norm(weight * change))
     known = np.isfinite(errors)
