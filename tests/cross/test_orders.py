@@ -145,7 +145,8 @@ SPAN = (0.32, 0.22)
 def test_special_points_are_those_of_all_orders(lost):
     kinds = {point.kind for point in lost.special}
     assert {"LP", "GR"} <= kinds
-    whole = hb.HarmonicBalance(lost.problem.model, lost.problem.refined_problem.H)
+    # the error of one inner grazing point with H = 90 exceeds the difference from the curve of selected orders
+    whole = hb.HarmonicBalance(lost.problem.model, 2 * lost.problem.refined_problem.H)
     for point in lost.special:
         equations = point.event.equations(whole, "Omega", point)
         if equations is None or not point.located:
