@@ -95,6 +95,25 @@ def test_static_forces(fixed):
         assert value == pytest.approx(expected["sun-large" if "sun" in kind else "small-ring"], rel=1e-6)
 
 
+@pytest.mark.parametrize("roles", [("s1", "ring", "carrier"), ("s1", "ring", "s2"), ("carrier", "ring", "s2")])
+def test_torques_of_meshes(roles):
+    """The force of a mesh is a third of the torque of its central gear over the radius; planets have no torque."""
+    driver, output, fixed = roles
+    one = ravigneaux(driver=driver, output=output, fixed=fixed, torque_scale=2.0)
+    T = {name: abs(torque) / 2.0 / 3 for name, torque in one.torques.items()}
+    loaded = {
+        "s1-short": T.get("s1", 0.0), "short-long": T.get("s1", 0.0) * 18 / 30,
+        "s2-long": T.get("s2", 0.0), "long-ring": T.get("ring", 0.0) * 18 / 72,
+    }  # fmt: skip
+    assert one.mesh_torques == pytest.approx(loaded, rel=1e-9, abs=1e-9)
+    for fixed in ("ring", "sun", "carrier"):
+        driver = "sun" if fixed != "sun" else "ring"
+        one = stepped(driver=driver, output="carrier" if fixed != "carrier" else "ring", fixed=fixed)
+        torque = {name: abs(torque) / 3 for name, torque in one.torques.items()}
+        expected = {"sun-large": torque.get("sun", 0.0), "small-ring": torque.get("ring", 0.0) * 18 / 96}
+        assert one.mesh_torques == pytest.approx(expected, rel=1e-9)
+
+
 def simple(fixed="ring", driver="sun", output="carrier", planets=4):
     """The machine of Lin and Parker, with its base radii, as a set with rotation only."""
     scale, alpha = 38.7e-3 / 28, cos(radians(24.6))

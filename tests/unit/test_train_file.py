@@ -344,6 +344,32 @@ def test_a_file_with_a_carrier_is_an_epicyclic_set(file):
     assert CliRunner().invoke(app, arguments).exit_code == 0
 
 
+def drawn_set(first: str = "", second: str = "") -> str:
+    """The epicyclic set of drawings, with lines of the two meshes."""
+    module = "1.3846153846 mm"
+    gears = (("sun", 24, "2 mm", ""), ("large", 30, "2 mm", 'x = "54 mm"'), ("small", 18, module, 'x = "54 mm"'),
+             ("ring", 96, module, ""))  # fmt: skip
+    text = EPICYCLIC[: EPICYCLIC.index("[[wheel]]")]
+    for name, teeth, module, place in gears:
+        gear = f'teeth = {teeth}, module = "{module}", face_width = "20 mm", internal = {str(name == "ring").lower()}'
+        text += f'[[wheel]]\nname = "{name}"\n{place}\ngear = {{ {gear} }}\n'
+    for names, line in ((("sun", "large"), first), (("small", "ring"), second)):
+        text += f'[[mesh]]\nfirst = "{names[0]}"\nsecond = "{names[1]}"\n{line}\npair = {{ backlash = "60 um" }}\n'
+    return text
+
+
+def test_meshes_of_an_epicyclic_set_have_the_share_of_one_planet(file):
+    """A third of 100 N m on the sun; on the small gear 30/24 of it, as large and small gear are one body."""
+    file.write_text(drawn_set())
+    made = read_train(file)
+    assert [mesh.torque for mesh in made.meshes] == pytest.approx([100 / 3, 100 / 3 * 30 / 24], rel=1e-9)
+    file.write_text(drawn_set('torque = "33 N m"', 'torque = "42 N m"'))  # within 2 %
+    assert [mesh.torque for mesh in read_train(file).meshes] == [33.0, 42.0]
+    file.write_text(drawn_set('torque = "100 N m"'))
+    with pytest.raises(TomlFileError, match=r"computed for 100 N m on 'sun', the share of one planet .* 33.3333 N m"):
+        read_train(file)
+
+
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [

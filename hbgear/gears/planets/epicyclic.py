@@ -32,6 +32,7 @@ from hbgear.common.arrays import Array
 from hbgear.gears.mesh.mesh_excitation import contacts_in_order, in_order
 from hbgear.gears.planets.epicyclic_layout import CARRIER, EpicyclicLayout
 from hbgear.gears.torque_orders import exact_order, order_load
+from hbgear.gears.trains.train_kinematics import kinematics
 from hbgear.mechanics.laws.laws import Law, PiecewiseLinear
 from hbgear.mechanics.laws.mesh_contacts import MeshContacts
 from hbgear.mechanics.models import System
@@ -93,6 +94,35 @@ class EpicyclicSet(EpicyclicLayout):  # numpydoc ignore=PR02
     >>> stepped.ratio, round(stepped.torques["ring"])
     (Fraction(23, 3), 667)
     """
+
+    @property
+    def mesh_torques(self) -> dict[str, float | None]:
+        """Static torque of each mesh on its first wheel [N m], the share of one planet, for `Mesh.of`.
+
+        The meshes are those of the first group; None where several of them share the load. They do not include
+        `torque_scale`.
+
+        Examples
+        --------
+        >>> import hbgear as hb
+        >>> wheel, mesh = hb.gears.Wheel, hb.gears.Mesh
+        >>> gears = [wheel("sun", 1e-4, teeth=24, base_radius="22 mm"),
+        ...     wheel("planet", 2e-4, 0.5, teeth=36, base_radius="33 mm", x="60 mm"),
+        ...     wheel("ring", 1e-2, teeth=96, base_radius="88 mm", internal=True)]
+        >>> meshes = [mesh("sun", "planet", "4e8 N/m"), mesh("planet", "ring", "4e8 N/m")]
+        >>> simple = hb.gears.EpicyclicSet(gears, meshes, planets=4, torque=100.0)
+        >>> {name: round(torque, 6) for name, torque in simple.mesh_torques.items()}
+        {'sun-planet': 25.0, 'planet-ring': 37.5}
+        """
+        external = self._external_torques(self.torque / self.planets)
+        loaded = {
+            name: dataclasses.replace(wheel, torque=external.get(name, 0.0)) for name, wheel in self._by_name.items()
+        }
+        forces = kinematics(loaded, self._shafts(("",)), self.meshes).forces
+        return {
+            mesh.name: None if force is None else force * loaded[mesh.first].base_radius
+            for mesh, force in zip(self.meshes, forces, strict=True)
+        }
 
     @cached_property
     def _coordinates(self) -> dict[str, tuple[tuple[str, ...], float]]:

@@ -208,7 +208,10 @@ class EpicyclicLayout(Model):
     @property
     def torques(self) -> dict[str, float]:
         """Mean external torques on driver, output and fixed member [N m], in equilibrium."""
-        driving = self.torque_scale * self.torque
+        return self._external_torques(self.torque_scale * self.torque)
+
+    def _external_torques(self, driving: float) -> dict[str, float]:
+        """Return the torques in equilibrium with a torque on the driver [N m]."""
         output = -driving * float(self.ratio)
         return {self.driver: driving, self.output: output, self.fixed: -driving - output}
 

@@ -101,17 +101,9 @@ class TrainLayout(Model):
     def _check_mesh_torques(self) -> None:
         """Raise an error if a mesh was computed for another torque than the static one; also if nothing can turn."""
         torques = self.mesh_torques
-        for mesh in self.meshes:
-            static = torques[mesh.name]
-            if mesh.torque is None or not static:
-                continue
-            orders = any(wheel.torque_orders for wheel in self.wheels)
-            if not orders and abs(mesh.torque - static) > MESH_TORQUE_TOLERANCE * static:
-                raise ValueError(
-                    f"Train: the mesh {mesh.name} is computed for {mesh.torque:.6g} N m on '{mesh.first}', the train "
-                    f"loads it with {static:.6g} N m: give Mesh.of this torque, or the mesh torque=None to "
-                    "omit this check"
-                )
+        if not any(wheel.torque_orders for wheel in self.wheels):
+            for mesh in self.meshes:
+                check_mesh_torque("Train", "the train", mesh, torques[mesh.name])
 
     def _check_drivers(self) -> None:
         """Raise an error if friction or errors of single teeth were computed for a wheel that does not drive."""
@@ -265,3 +257,12 @@ class TrainLayout(Model):
             self.b_c / ((radii.get(name) or default_radius) if name and axis > 2 else 1.0)
             for name, axis in self._coordinates
         ])  # fmt: skip
+
+
+def check_mesh_torque(owner: str, machine: str, mesh: Mesh, static: float | None) -> None:
+    """Raise ValueError if a mesh was computed for another torque than its static torque on the first wheel [N m]."""
+    if mesh.torque is not None and static and abs(mesh.torque - static) > MESH_TORQUE_TOLERANCE * static:
+        raise ValueError(
+            f"{owner}: the mesh {mesh.name} is computed for {mesh.torque:.6g} N m on '{mesh.first}', {machine} "
+            f"loads it with {static:.6g} N m: give Mesh.of this torque, or the mesh torque=None to omit this check"
+        )

@@ -21,7 +21,7 @@
 Keys are the fields of `Train`, `Wheel`, `Shaft`, `Beam`, `Bearing`, `Mesh` and `Housing`; quantities are text with a
 unit, or numbers in SI. A wheel is given by its fields or by those of its `Gear`; a mesh by its fields, or by those of
 its `GearPair` and a torque on the first wheel, which determine stiffness, error, angles and backlash. This torque is
-the static torque of the train by default, unless several meshes share the load.
+the static torque by default, unless several meshes share the load; in an epicyclic set it is the share of one planet.
 
     [[bearing]]             # a table over the wheel speed
     at = "pinion"
@@ -42,7 +42,7 @@ the static torque of the train by default, unless several meshes share the load.
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Literal
 
@@ -55,6 +55,7 @@ from hbgear.gears.trains.beam import Beam
 from hbgear.gears.trains.housing import Housing
 from hbgear.gears.trains.train import Train
 from hbgear.gears.trains.train_components import Bearing, Mesh, Shaft, Wheel
+from hbgear.gears.trains.train_layout import check_mesh_torque
 from hbgear.io.machines.toml_file import (
     KeyPath,
     Problems,
@@ -141,12 +142,17 @@ def _train(data: Mapping[str, Any], folder: Path, problems: Problems) -> Train |
         [constructed(problems, (name, i), cls, table) for i, table in enumerate(data.get(name, []))]
         for name, cls in (("shaft", Shaft), ("beam", Beam))
     )
-    tables = data["mesh"]
-    if not problems and "epicyclic" not in data:
-        tables = _with_torques(tables, tuple(wheels), tuple(shafts), tuple(beams), data.get("balance", ""))
+    set_fields = _epicyclic_fields(data, problems) if "epicyclic" in data else None
+
+    def machine(meshes: list[Mesh]) -> Train | EpicyclicSet:
+        if set_fields is not None:
+            return EpicyclicSet(wheels, meshes, **set_fields)  # type: ignore[arg-type]
+        return Train(wheels, meshes, shafts, beams=beams, balance=data.get("balance", ""))  # type: ignore[arg-type]
+
+    tables = data["mesh"] if problems else _with_torques(data["mesh"], machine)
     meshes = [_mesh(("mesh", i), table, gears, problems) for i, table in enumerate(tables)]
-    if "epicyclic" in data:
-        return _epicyclic(data, wheels, meshes, problems)
+    if set_fields is not None:
+        return _epicyclic(wheels, meshes, set_fields, problems)
     bearings = [_bearing(("bearing", i), table, problems) for i, table in enumerate(data.get("bearing", []))]
     housing = _housing(data["housing"], folder, problems) if "housing" in data else None
     if problems:
@@ -158,16 +164,15 @@ def _train(data: Mapping[str, Any], folder: Path, problems: Problems) -> Train |
 
 
 def _with_torques(
-    tables: list[dict[str, Any]], wheels: Any, shafts: Any, beams: Any, balance: str
+    tables: list[dict[str, Any]], machine: Callable[[list[Mesh]], Train | EpicyclicSet]
 ) -> list[dict[str, Any]]:
     """Return the tables of the meshes, with the static torque of meshes of a pair that state none, if it is known."""
     if all("torque" in table or "pair" not in table for table in tables):
         return tables
     try:
-        meshes = tuple(Mesh(table["first"], table["second"], "1e8 N/m", "0 um") for table in tables)
-        torques = Train(wheels, meshes, shafts, beams=beams, balance=balance).mesh_torques
+        torques = machine([Mesh(table["first"], table["second"], "1e8 N/m", "0 um") for table in tables]).mesh_torques
     except (ValueError, KeyError):
-        return tables  # the train itself is refused with the reason
+        return tables  # the machine itself is refused with the reason
     return [
         {"torque": float(f"{torque:.12g}"), **table} if torque is not None and "pair" in table else table
         for table, torque in zip(tables, torques.values(), strict=True)
@@ -178,10 +183,8 @@ _QUANTITIES = {"torque": "N m", "carrier_inertia": "kg m^2"}
 """Units of the quantities of an epicyclic set."""
 
 
-def _epicyclic(
-    data: Mapping[str, Any], wheels: list[Wheel | None], meshes: list[Mesh | None], problems: Problems
-) -> EpicyclicSet | None:
-    """Return the epicyclic set; None if a value was refused."""
+def _epicyclic_fields(data: Mapping[str, Any], problems: Problems) -> dict[str, Any]:
+    """Return the fields of the table [epicyclic] in SI."""
     fields = dict(data["epicyclic"])
     for name in data.keys() - {"wheel", "mesh", "epicyclic"}:
         problems.append(((name,), f"an epicyclic set has no {name}; remove it, or the table [epicyclic]"))
@@ -191,9 +194,23 @@ def _epicyclic(
                 fields[name] = to_si("EpicyclicSet", name, fields[name], unit)
             except ValueError as error:
                 problems.append((("epicyclic", name), bare(error)))
+    return fields
+
+
+def _epicyclic(
+    wheels: list[Wheel | None], meshes: list[Mesh | None], fields: Mapping[str, Any], problems: Problems
+) -> EpicyclicSet | None:
+    """Return the epicyclic set; None if a value was refused."""
     if problems:
         return None
-    return constructed(problems, ("epicyclic",), EpicyclicSet, {"wheels": wheels, "meshes": meshes, **fields})
+    made = constructed(problems, ("epicyclic",), EpicyclicSet, {"wheels": wheels, "meshes": meshes, **fields})
+    if made is not None and not made.torque_orders:
+        for i, (mesh, static) in enumerate(zip(made.meshes, made.mesh_torques.values(), strict=True)):
+            try:
+                check_mesh_torque("EpicyclicSet", "the share of one planet", mesh, static)
+            except ValueError as error:
+                problems.append((("mesh", i), bare(error)))
+    return None if problems else made
 
 
 def _wheel(key_path: KeyPath, table: Mapping[str, Any], gears: dict[str, Gear], problems: Problems) -> Wheel | None:
