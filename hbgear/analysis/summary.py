@@ -265,6 +265,8 @@ def event_description(branch: Branch, point: SpecialPoint) -> str:
         before, after = branch.stable[point.index - 1], branch.stable[point.index + 1]
         text += "" if before == after else "; stability is lost" if before else "; stability is regained"
     first, last = values_text(branch, list(point.interval))
+    if point.kind == "SM" and math.isnan(point.error):
+        text += "; more harmonics move this end, its error is unknown"
     interval_note = "" if point.located else f" (only known to lie within {first} and {last})"
     return f"{text}{f' ({point.note})' if point.note else ''}{interval_note}"
 

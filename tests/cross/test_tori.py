@@ -12,6 +12,7 @@ import pytest
 from machines import two_masses
 
 import hbgear as hb
+from hbgear.analysis.summary import reliability_lines, special_table
 from hbgear.continuation.solvers.newton import solve
 from hbgear.harmonic.autonomous.tori import ends
 from hbgear.harmonic.autonomous.tori.basis import TorusBasis
@@ -90,6 +91,27 @@ def test_branch_ends_at_the_other_neimark_sacker_point(curve, tori):
         curve.problem.from_point(curve["NS2"]), **curve["NS2"].parameters
     )
     assert tori.tracked["Omega_2"][-1] == pytest.approx(abs(exponent.imag), abs=1e-4)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("harmonics", "label"), [((5, 8), "NS2"), ((5, 10), "NS2"), ((5, 8), "NS1"), ((7, 8), "NS1")])
+def test_the_error_of_the_end_is_the_distance_from_the_neimark_sacker_point(curve, harmonics, label):
+    """No error was stated. Ends are singular: with many harmonics the location is off by 6e-8."""
+    start = "NS1" if label == "NS2" else "NS2"
+    end = hb.analysis.torus(curve, start, harmonics=harmonics, stability=False)["EP1"]
+    error = abs(end.parameters["Omega"] - curve[label].parameters["Omega"])
+    assert error > 30 * curve[label].error
+    assert error / 2 < end.error < 2 * error
+
+
+@pytest.mark.slow
+def test_the_error_of_the_second_frequency(curve, fine):
+    tori = hb.analysis.torus(curve, "NS1", harmonics=(5, 8))
+    fits = fine.values.min(), fine.values.max()
+    inner = [i for i in range(0, len(tori) - 1, 3) if fits[0] < tori.values[i] < fits[1]]
+    error = max(abs(at(fine, tori.values[i])[-1] / tori.tracked["Omega_2"][i] - 1) for i in inner)
+    assert error / 3 < tori.unknown_errors["Omega_2"] < 3 * error
+    assert f"Omega_2 {tori.unknown_errors['Omega_2']:.0e}" in reliability_lines(tori)[0]
 
 
 def test_time_integration_stays_on_the_torus(tori):
@@ -245,6 +267,8 @@ def test_a_spectrum_that_does_not_decay_ends_the_branch(curve, monkeypatch):
     last = found["SM1"]
     assert last.parameters["Omega"] == found.values[-1] < 1.25
     assert found.layout.spectrum_end(last.X) == pytest.approx(1e-3, rel=1e-6)
+    assert np.isnan(last.error) and "special points unknown" in reliability_lines(found)[0]
+    assert "its error is unknown" in special_table(found)[1][0][-1]
 
 
 def test_an_end_near_a_simple_rotation_number_is_named_as_locking(tori):

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from fractions import Fraction
 from typing import Any
-
-import numpy as np
 
 from hbgear.continuation.curve.segment import Segment
 from hbgear.continuation.events.event import BuiltInEvent, Event, LocatedEvent, locate_root
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point
 from hbgear.continuation.results.status import Status
+from hbgear.harmonic.autonomous.tori.errors import end_error, is_periodic
 from hbgear.harmonic.autonomous.tori.layout import SECOND
 
 MAX_SPECTRUM_END = 3e-2
@@ -24,9 +24,6 @@ LOCKING_DENOMINATOR = 12
 LOCKING_DISTANCE = 2e-3
 """Distance of the rotation number from p/q within which an end is named as locking."""
 
-_SMALLEST_MODULATION = 1e-7
-"""Modulation over the whole motion below which it is rounding of a periodic motion."""
-
 
 class TorusMergeEvent(BuiltInEvent):
     """End of a branch of tori: its modulation passes zero, and it joins the periodic motions."""
@@ -34,13 +31,18 @@ class TorusMergeEvent(BuiltInEvent):
     kind, meaning, marker, terminal, alone = "EP", "end: the branch joins the one it came from", "+", True, True
 
     def find(self, segment: Segment) -> list[LocatedEvent]:
-        """Locate the point of a segment at which the modulation vanishes."""
+        """Locate the point of a segment at which the modulation vanishes, with its error."""
         problem: Any = segment.problem
-        first, second = problem.modulation(segment.a.X[:-1]), problem.modulation(segment.b.X[:-1])
-        threshold = _SMALLEST_MODULATION * float(np.linalg.norm(segment.a.X))
-        if min(np.linalg.norm(first), np.linalg.norm(second)) <= threshold or float(first @ second) >= 0:
+        a, b = segment.a, segment.b
+        if is_periodic(problem, a.X) or is_periodic(problem, b.X):
             return []
-        return [locate_root(segment, self, lambda point: float(first @ problem.modulation(point.X[:-1])))]
+        first = problem.modulation(a.X[:-1])
+        if float(first @ problem.modulation(b.X[:-1])) >= 0:
+            return []
+        located = locate_root(segment, self, lambda point: float(first @ problem.modulation(point.X[:-1])))
+        X, value = located.point.X, located.point.value
+        error = end_error(problem, X, first, segment.name, value, segment.parameters_at(value))
+        return [replace(located, error=error)]
 
     def termination(self, name: str, value: float) -> tuple[Status, str]:
         """Return status and message of the end."""
