@@ -313,9 +313,14 @@ def traced(it: Machine, harmonics: int, **options: Any) -> Branch:
 
 
 def special_points(it: Machine, branch: Branch, fine: Branch, random: np.random.Generator) -> list[ComparedPoint]:
-    """Compare special points of a curve, at most `MAX_COMPARED_POINTS`, and return the missing ones."""
-    mine = [(one, p) for one in curves(branch) for p in one.special]
-    finer = [(one, p) for one in curves(fine) for p in one.special]
+    """Compare special points of a curve, at most `MAX_COMPARED_POINTS`, and return the missing ones.
+
+    Grazing points at inner extrema are left out, because shooting solves for the highest and the lowest extremum.
+    """
+    mine, finer = (
+        [(one, p) for one in curves(whole) for p in one.special if not p.note.startswith("inner extremum")]
+        for whole in (branch, fine)
+    )
     partner = dict(matched(it, [p for _, p in mine], [p for _, p in finer]))
     alone = random.permutation([i for i in range(len(mine)) if i not in partner])[: MAX_COMPARED_POINTS // 2].astype(
         int

@@ -333,6 +333,7 @@ def test_contacts_without_a_gap_are_those_of_time_integration(law, mean):
     load = hb.Load([mean], {1: [0.2]})
     model = hb.System([[1.0]], [[0.1]], [[1.0]], [hb.Element([1.0], law(5.0, 0.3))], load)
     curve = hb.trace(hb.HarmonicBalance(model, 32), "Omega", (1.8, 0.6))
-    assert {point.kind for point in curve.special} == ({"PD"} if mean > 0 else {"GR", "LP"})
+    outer = {point.kind for point in curve.special if not point.note.startswith("inner extremum")}
+    assert outer == ({"PD"} if mean > 0 else {"GR", "LP"})
     report = hb.validate(curve, 3)
     assert report.ok and (not report.jumps or law is hb.mechanics.HuntCrossley)

@@ -364,7 +364,7 @@ def along(model, H, span):
     problem = HarmonicBalance(model, H)
     curve = trace(problem, "Omega", span, stability=False)
     grazing = [p for p in curve.special if p.kind == "GR"]
-    X = np.array([*curve.X[:: max(1, len(curve) // 20)], *(p.X for p in grazing)])
+    X = np.array([*curve.X[:: max(1, len(curve) // 20)], *(problem.from_point(p) for p in grazing)])
     Omega = np.array([*curve.values[:: max(1, len(curve) // 20)], *(p.parameters["Omega"] for p in grazing)])
     return problem, X, Omega
 

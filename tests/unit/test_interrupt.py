@@ -702,7 +702,7 @@ def test_the_advice_after_ctrl_c_is_possible():
 
     model = hb.Duffing(zeta=0.2)
     runs = {
-        "known=": lambda: hb.jump_map(
+        "curves are kept": lambda: hb.jump_map(
             hb.Duffing(), "zeta", (0.05, 0.06), frequencies=(0.9, 1.4), harmonics=1, seeds=2, progress=stop
         ),
         "start=": lambda: hb.time.sweep(model, [0.5, 0.6, 0.7, 0.8], "up", progress=stop),

@@ -232,9 +232,9 @@ def _trace_refined(
             problem, refinement = finding.finer, str(finding)
             work = work.renewed()
             continue
-        reason = "" if branch.status.complete else failure
-        if not refinement and not reversal and not reason:
+        if not refinement and not reversal and not failure:
             return branch
+        reason = "" if branch.status.complete else failure
         message = "; ".join(text for text in (branch.message, refinement, reversal, reason) if text)
         return replace(branch, message=message)
 
