@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.linalg import block_diag
+import scipy  # its parts are imported when they are first used
 
 from hbgear.common.argument_checks import given
 from hbgear.common.arrays import Array
@@ -124,7 +124,7 @@ def _springs(rotor: Any, speed: float, first: int, n: int) -> Iterator[_Spring]:
         raise ValueError("the gears of the rotor cannot be found: a MultiRotor has rotors['driving'] and ['driven']")
     driving, driven = rotors["driving"], rotors["driven"]
     ratio = float(mesh.gear_ratio)
-    uncoupled = block_diag(driving.K(speed), driven.K(speed * ratio))
+    uncoupled = scipy.linalg.block_diag(driving.K(speed), driven.K(speed * ratio))
     coupling = np.asarray(rotor.K(speed), dtype=float) - uncoupled
     k = float(mesh.stiffness)
     in_stiffness = np.abs(coupling).max() > _RANK_ONE_TOLERANCE * k

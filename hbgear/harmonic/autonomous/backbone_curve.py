@@ -17,7 +17,7 @@ import dataclasses
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.interpolate import PchipInterpolator
+import scipy  # its parts are imported when they are first used
 
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
@@ -250,7 +250,7 @@ def predicted_peaks(curve: Branch, order: int = 1) -> tuple[PredictedPeak, ...]:
     finite = np.flatnonzero(np.isfinite(ratios))
     if len(finite) < 2:  # no excitation of this order, or no dissipation
         return ()
-    fits = {name: PchipInterpolator(finite, values[finite]) for name, values in
+    fits = {name: scipy.interpolate.PchipInterpolator(finite, values[finite]) for name, values in
              (("ratio", ratios), (AMPLITUDE, curve.values), ("Omega", curve.tracked["Omega"]))}  # fmt: skip
     peaks = []
     for s in fits["ratio"].roots(extrapolate=False):

@@ -15,8 +15,7 @@ import zlib
 from pathlib import Path
 from typing import Any
 
-import scipy.io
-import scipy.sparse
+import scipy  # its parts are imported when they are first used
 
 from hbgear.common.process.checksums import DamagedFileError
 from hbgear.io.matrix_files.unpacked_size import SPARE, TIMES

@@ -6,7 +6,7 @@ import os
 from typing import Any
 
 import numpy as np
-import scipy.sparse
+import scipy  # its parts are imported when they are first used
 
 from hbgear.common.optional import needed
 from hbgear.common.process.checksums import DamagedFileError

@@ -7,7 +7,7 @@ import os
 from typing import Any
 
 import numpy as np
-import scipy.io
+import scipy  # its parts are imported when they are first used
 
 from hbgear.common.process.checksums import DamagedFileError
 
