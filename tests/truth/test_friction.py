@@ -6,7 +6,7 @@ The motions are computed without hbgear: event-exact shooting of x'' + .02 x' + 
 import numpy as np
 import pytest
 import scipy
-from machines import chain
+from machines import cantilever, chain
 
 import hbgear as hb
 from hbgear.analysis.summary import regime_of
@@ -226,6 +226,24 @@ def test_chain_with_friction_cubic_springs_and_a_stop():
 def test_bad_input(make, message):
     with pytest.raises(ValueError, match=message):
         make()
+
+
+@pytest.mark.filterwarnings("ignore:no friction slider slips")
+def test_many_sliders_next_to_each_other():
+    """The dynamic stiffness between near places of a fine mesh is an inverse with large rounding errors.
+
+    The tolerance of the residual must not lie below them: 120 points were not enough for 1 % of the span.
+    """
+    (M, K), k, places = cantilever(100), 5.0, 2 * np.linspace(20, 99, 20).astype(int)
+    C, tip, W = 0.05 * M + 1e-3 * K, np.eye(1, 200, 198)[0], np.eye(200)[places]
+    sliders = [hb.Element(w, hb.mechanics.Jenkins(k=k, limit=0.02)) for w in W]
+    beam = hb.System(M, C, K, sliders, hb.Load(cosine={1: 0.1 * tip}))
+    steps = hb.StepControl(max_points=120)
+    curve = hb.trace(hb.HarmonicBalance(beam, 3), "Omega", (3.45, 3.5), steps=steps)
+    assert curve.status == "reached_end"
+    sticking = [W @ np.linalg.solve(K + k * W.T @ W + 1j * w * C - w**2 * M, 0.1 * tip) for w in curve.values]
+    first = curve.X.reshape(len(curve), 20, 7)[:, :, 1:3] @ [1, -1j]
+    assert np.abs(first - sticking).max() < 1e-8 * np.abs(sticking).max()
 
 
 def _moved():

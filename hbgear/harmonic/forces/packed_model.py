@@ -71,6 +71,8 @@ class PackedLinearPart(NamedTuple):
     tie_stiffness, tie_offsets (b, 2K + 1) : factor of the constraints, and their constants.
     loads (L, 2) : power of Omega of each load, and its position among the orders.
     nu : subharmonic order.
+    inversion_error : rounding errors of Z d relative to Z d, over the tolerance of the residual, because Z is the
+        inverse of G.
     radius, near_count (B,), far_series (B, J, N, 2) : radii of bands of far poles, the number of poles below each
         radius, and the coefficients of the power series of the others; the poles ascend. Empty for few poles.
     """
@@ -88,6 +90,7 @@ class PackedLinearPart(NamedTuple):
     tie_offsets: Array
     loads: np.ndarray
     nu: int
+    inversion_error: float
     radius: Array
     near_count: np.ndarray
     far_series: Array
