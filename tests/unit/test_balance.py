@@ -20,6 +20,7 @@ from hbgear import (
     trace,
 )
 from hbgear.gears import DoubleHelicalPair
+from hbgear.harmonic.equations import discretization
 from hbgear.harmonic.equations.thresholds import grazing_distance
 from hbgear.mechanics import Law, Model, Series
 from hbgear.mechanics.series.fourier import derive, evaluate, stretch, to_complex, to_real
@@ -404,3 +405,13 @@ def test_many_motions_are_observed_as_one_by_one(model):
         assert seen.keys() == alone.keys()
         for name, value in alone.items():
             np.testing.assert_allclose(seen[name], value, rtol=1e-9, atol=1e-13, err_msg=name)
+
+
+def test_a_curve_is_complete_where_tables_for_twice_the_harmonics_are_too_large(monkeypatch):
+    """A train of 35/55 and 81/50 teeth lost its curve, because the error of its motions needed a table of 1.9 GB."""
+    problem = HarmonicBalance(SpurPair(zeta=0.05), 16)
+    finer = problem.refined_problem
+    monkeypatch.setattr(discretization, "MAX_TABLE", (2 * problem.H + 1) * problem.N)
+    limited = HarmonicBalance(SpurPair(zeta=0.05), 16)
+    assert finer is not None and limited.refined_problem is None
+    assert trace(limited, "Omega", (0.9, 0.8)).status.complete

@@ -1,6 +1,7 @@
 """First motions: static states, paths on which dampers are taken away, and motions whose position is arbitrary."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -85,6 +86,13 @@ def test_stable_static_states_come_first(K):
     assert not found[-1].stable and found[-1].balanced and found[-1].d[0] == pytest.approx(0.0, abs=1e-9)
 
 
+@pytest.mark.parametrize("model", [hb.SpurPair(), oscillator(-1.0, 0.1, hb.Cubic(k3=4.0))])
+def test_static_states_are_found_once(model):
+    """Starts at rest and on both sides lead to one contact, or to two wells and the top between them."""
+    found = [float(state.d[0]) for state in static_states(hb.HarmonicBalance(model, 3).compiled({}), 1.0)]
+    assert len({round(d, 6) + 0.0 for d in found}) == len(found)
+
+
 # ---- stiff contacts without a gap
 
 
@@ -142,11 +150,30 @@ def test_long_searches_end_early_with_advice(monkeypatch):
     assert np.isfinite(problem.with_order(1, 4).start(Omega=0.03)).all()
 
 
+def test_with_many_unknowns_the_path_of_dampers_follows_the_first_guess(monkeypatch):
+    """Further guesses took most of 80 s in which the path finds a motion of a train with 250 unknowns."""
+    problem, tried = hb.HarmonicBalance(hb.SpurPair(), 4), []
+
+    def refused(_, guess, parameters):
+        tried.append(guess)
+        raise hb.NoConvergence("none", guess, parameters, [])
+
+    monkeypatch.setattr(initial_guess, "solve", refused)
+    monkeypatch.setattr(initial_guess, "from_damped", lambda *_: SimpleNamespace(X=np.ones(9)))
+    counts = []
+    for limit in (8, 9):
+        tried.clear()
+        monkeypatch.setattr(initial_guess, "MANY_UNKNOWNS", limit)
+        assert np.array_equal(problem.start(Omega=1.0), np.ones(9))
+        counts.append(len(tried))
+    assert counts[0] == 1 and counts[1] > 1
+
+
 def test_the_search_at_other_frequencies_goes_on_after_a_motion_without_contact(monkeypatch):
     """No curve begins at such a motion, whose mean is arbitrary; the error ended the search."""
     problem, visited = hb.HarmonicBalance(hb.SpurPair(F_m=0.0), 4), []
 
-    def solution(_, parameters):
+    def solution(_, parameters, guesses):
         visited.append(parameters["Omega"])
         return np.zeros(9)
 

@@ -14,10 +14,17 @@ from typing import Any
 import numpy as np
 
 from hbgear.common.arrays import Array
-from hbgear.continuation.numerics.linear import bordered, solve_linear
 from hbgear.continuation.problem.base import ContinuationProblem
-from hbgear.continuation.solvers.corrector import correct
-from hbgear.continuation.solvers.newton import SOLVER_ERRORS, NewtonSettings, NoConvergence, Solution, describe, solve
+from hbgear.continuation.solvers.corrector import correct, corrected
+from hbgear.continuation.solvers.newton import (
+    SOLVER_ERRORS,
+    NewtonSettings,
+    NoConvergence,
+    Solution,
+    describe,
+    solution_at,
+    solve,
+)
 
 
 def solve_along(
@@ -28,29 +35,32 @@ def solve_along(
     ``path`` has the solution X at s = 0, and the solutions of the problem at s = 1. NoConvergence is raised if it does
     not reach s = 1 within a number of steps.
     """
-    size = float(np.linalg.norm(X))
-    u, h = np.append(X, 0.0), 0.05
-    normal = np.append(np.zeros(len(X)), 1.0)
+    size, h = float(np.linalg.norm(X)), 0.05
+    start = solution_at(path, np.append(X, 0.0), "s", {})
+    try:
+        current = corrected(start, np.append(np.zeros(len(X)), 1.0))
+    except np.linalg.LinAlgError:
+        steps = 0  # the path has no direction
     for _ in range(steps):
-        size = max(size, float(np.linalg.norm(u[:-1])))
+        u, t = current.u, current.direction
+        # at the zero solution: the size of the tangent
+        size = max(size, float(np.linalg.norm(u[:-1]))) or float(np.linalg.norm(t[:-1]))
+        scale = np.append(np.full(len(X), size or np.inf), 1.0)
+        t = t / np.linalg.norm(t / scale)
+        normal = t / scale**2 / np.linalg.norm(t / scale**2)
         try:
-            evaluation = path.linearise(u[:-1], "s", s=float(u[-1]))
-            t = solve_linear(bordered(evaluation.dR_dX, evaluation.dR_dp, normal), np.append(np.zeros(len(X)), 1.0))
-            size = size or float(np.linalg.norm(t[:-1]))  # at the zero solution: the size of the tangent
-            scale = np.append(np.full(len(X), size or np.inf), 1.0)
-            t = t / np.linalg.norm(t / scale)
-            n = t / scale**2 / np.linalg.norm(t / scale**2)
             # points of the path only lead to its end, so that a loose tolerance is enough
-            point = correct(path, u + h * t, n, "s", {"s": 0.0}, NewtonSettings(1e-6, 1e-2, 6)).solution
+            point = correct(path, u + h * t, normal, "s", {"s": 0.0}, NewtonSettings(1e-6, 1e-2, 6))
         except SOLVER_ERRORS:
             h *= 0.5
             if h < MIN_STEP:
                 break
             continue
-        if point.value >= 1.0:
-            fraction = (1.0 - u[-1]) / (point.value - u[-1])
-            return solve(problem, u[:-1] + fraction * (point.X - u[:-1]), parameters)
-        u, normal, h = np.append(point.X, point.value), n, min(0.3, h * (1.6 if point.iterations <= 3 else 1.0))
+        solution = point.solution
+        if solution.value >= 1.0:
+            fraction = (1.0 - u[-1]) / (solution.value - u[-1])
+            return solve(problem, u[:-1] + fraction * (solution.X - u[:-1]), parameters)
+        current, h = point, min(0.3, h * (1.6 if solution.iterations <= 3 else 1.0))
     raise NoConvergence(
         f"the homotopy found no path from the start to a solution at {describe(parameters)}", X, parameters, []
     )

@@ -137,7 +137,8 @@ def finer_balance(problem: Any, parameters: Mapping[str, float]) -> Any:
     """
     evaluator, refined = problem.compiled(parameters), problem.refined_problem
     is_unreduced = problem.models.reduced_for is None and math.isinf(evaluator.structure.highest)
-    can_double = 2 * problem.size <= MAX_CHECKED_UNKNOWNS and (is_unreduced or refined is not None)
+    has_room = 2 * problem.size <= MAX_CHECKED_UNKNOWNS and problem.discretization.fits(2 * problem.H)
+    can_double = has_room and (is_unreduced or refined is not None)
     if not evaluator.aft_laws:
         return (refined or problem.denser(1, 2)) if can_double else None
     factor = 2 if _samples_have_corners(evaluator) else 4

@@ -147,9 +147,10 @@ class Discretization:
         return f"H = {self.H}" if self.selection is None else f"{len(self.orders) - 1} orders up to {self.H}"
 
     def fits(self, H: int, limit: int = MAX_UNKNOWNS) -> bool:
-        """Return whether the unknowns of H harmonics are no more than a limit."""
+        """Return whether the unknowns of H harmonics are no more than a limit, and their tables are not too large."""
         count = H + 1 if self.selection is None else len(self.selection.selected(H, self.nu))
-        return self.m * (2 * count - 1) <= limit
+        N = _samples_for(H, self.sampled, self.density)
+        return self.m * (2 * count - 1) <= limit and N * self.m <= MAX_SAMPLES and (2 * H + 1) * N <= MAX_TABLE
 
     def describe(self, auto: float | None) -> dict[str, Any]:
         """Return the settings as plain data, for the header of a file; ``auto`` is the tolerance of an adapted H."""

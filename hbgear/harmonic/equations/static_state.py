@@ -44,7 +44,7 @@ class Static(NamedTuple):
 
 
 def static_states(compiled: Evaluator, Omega: float) -> Iterator[Static]:
-    """Yield static states from Newton's method with harmonic 0 alone, the stable ones first.
+    """Yield static states from Newton's method with harmonic 0 alone, each once and the stable ones first.
 
     It starts at rest and at displacements on both sides. Iterates that did not converge come last.
     """
@@ -52,10 +52,13 @@ def static_states(compiled: Evaluator, Omega: float) -> Iterator[Static]:
     if at_rest.stable or at_rest.flat:
         yield at_rest
     lengths = _characteristic_lengths(compiled, Omega) * _load_signs(compiled, Omega)
-    rejected = []
+    found, rejected = [at_rest.d], []
     # closed contacts on either side, near the breakpoints and far beyond them
     for side in (1.5, -1.5, 4.0, -4.0):
         state = _solve_static(compiled, Omega, side * lengths)
+        if any(np.allclose(state.d, d, rtol=_SAME_STATE, atol=0.0) for d in found):
+            continue
+        found.append(state.d)
         if state.stable:
             yield state
         elif np.isfinite(state.d).all():
@@ -94,6 +97,9 @@ def _solve_static(compiled: Evaluator, Omega: float, d: Array) -> Static:
     smallest = float(np.linalg.eigvalsh(0.5 * (A + A.T))[0])
     return Static(d, k, True, smallest > _ZERO_STIFFNESS_RATIO * size, abs(smallest) <= _ZERO_STIFFNESS_RATIO * size)
 
+
+_SAME_STATE = 1e-6
+"""Relative difference of displacements up to which two states are the same."""
 
 _MAX_STATIC_ITERATIONS = 50
 """Maximum number of Newton iterations for a static state."""
