@@ -173,7 +173,7 @@ def jump_table(
             [jump.label, *position_texts(branch, jump.before, dimensionless), direction,
              size_text(jump.before, height, branch), after, jump.landing_description]
         )  # fmt: skip
-        if jump.landing == "nearest" and len(jump.candidates) > 1:
+        if jump.is_uncertain:
             uncertain.append(jump.label)
     if uncertain:
         notes.append(f"{', '.join(uncertain)}: {UNCERTAIN_LANDING}")

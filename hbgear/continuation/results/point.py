@@ -375,13 +375,18 @@ class Jump:
     note: str = ""
 
     @property
+    def is_uncertain(self) -> bool:
+        """Whether `after` is the nearest of several stable solutions; only an integration finds the actual one."""
+        return self.landing == "nearest" and len(self.candidates) > 1
+
+    @property
     def landing_description(self) -> str:
         """Description of how `after` was chosen, such as "uncertain: nearest of 2"."""
         if self.landing == "integrate":
             return "integrated"
         if self.landing == BIFURCATING:
             return "continues on the bifurcating branch"
-        return f"uncertain: nearest of {len(self.candidates)}" if len(self.candidates) > 1 else "nearest"
+        return f"uncertain: nearest of {len(self.candidates)}" if self.is_uncertain else "nearest"
 
 
 _AnyPoint = TypeVar("_AnyPoint", bound=Point)
