@@ -44,10 +44,14 @@ class FoldProblem(MinimallyAugmentedProblem):
         b, c, largest = borders_of(A)
         return Borders(size / (largest or 1.0), b, c)
 
-    def corners_met(self, X: Array, parameters: Mapping[str, float]) -> tuple[str, ...]:
-        """Return the corners of the curve at the fold: beyond one, dR/dX is another matrix."""
+    def stall(self, X: Array, name: str, parameters: Mapping[str, float]) -> tuple[str, str]:
+        """Return the corners of the response curve at the fold: beyond one, dR/dX is another matrix."""
         inner, unknown = self.solution_of(X)
-        return self.problem.corners_met(inner, {**parameters, **unknown})
+        met = " and ".join(self.problem.corners_met(inner, {**parameters, **unknown}))
+        if not met:
+            return "", ""
+        advice = f"trace a response curve at this {name}, and follow {met} on it"
+        return f"the curve meets {met}, where derivatives jump", advice
 
     def update_borders(self, base: Borders, X: Array, parameters: dict[str, float]) -> Borders:
         """Return the borders at X, with positive products with the previous ones, which keeps the sign of g.

@@ -171,7 +171,7 @@ class ContinuationProblem:
         """Return the problem lim R(r X, p) / r for r -> inf if X is far from the origin, else None. By default None."""
         return None
 
-    # ---- initial guess and checks
+    # ---- initial guess, checks and sizes
 
     def start(self, **parameters: float) -> Array:
         """Return X of shape (n,) that approximates a solution. By default ValueError is raised."""
@@ -197,8 +197,6 @@ class ContinuationProblem:
     def restricted_to(self, name: str, low: float, high: float, fixed: Mapping[str, float]) -> ContinuationProblem:
         """Return the problem with which a curve over a span is traced, itself if none is cheaper (default)."""
         return self
-
-    # ---- sizes
 
     def unit_of(self, name: str, value: float) -> float:
         """Return the size of a parameter: its value; near zero 1e-3 of its default, or 1e-2 if that is 0 or unknown."""
@@ -293,10 +291,7 @@ class ContinuationProblem:
 
     @property
     def comparisons(self) -> Sequence[tuple[ContinuationProblem, float]]:
-        """Problems of other resolutions, each with a weight w.
-
-        The largest w times the change of a result is its error. By default the refined problem has the weight 1.
-        """
+        """Problems of other resolutions, each with the weight of a change of a result in the estimate of its error."""
         return () if self.refined_problem is None else ((self.refined_problem, 1.0),)
 
     def at_resolution_of(self, point: Point) -> ContinuationProblem:
@@ -337,6 +332,10 @@ class ContinuationProblem:
     def corners_met(self, X: Array, parameters: Mapping[str, float]) -> tuple[str, ...]:
         """Return the corners of the equations at which a solution lies, such as a first slip; by default none."""
         return ()
+
+    def stall(self, X: Array, name: str, parameters: Mapping[str, float]) -> tuple[str, str]:
+        """Return why a curve in the parameter ``name`` cannot go on from a solution, and advice; by default "", ""."""
+        return "", ""
 
     def in_phase(self, X: Array, tangent: Array, reference: Array) -> tuple[Array, Array]:
         """Return X and its tangent, shifted in time to be nearest to a reference if the phase is arbitrary."""

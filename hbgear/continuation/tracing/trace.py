@@ -31,7 +31,6 @@ from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.process.progress import ProgressCallback
 from hbgear.common.ranges import NOT_NEGATIVE, checked
-from hbgear.continuation.augmented.special_point_problem import SpecialPointProblem
 from hbgear.continuation.curve.builder import build_branch
 from hbgear.continuation.curve.segment import BranchStart
 from hbgear.continuation.events.detector import EventDetector, events_of
@@ -364,7 +363,7 @@ class Tracer:
         """Trace the curve and record how it ended."""
         self.state.termination.record_end(*self.loop.run(self._second))
         if self.state.termination.status is Status.STEP_TOO_SMALL:
-            self._name_corners()
+            self._add_reason()
 
     def _postprocess(self) -> None:
         """Build the branch with its jumps and the additions of the problem."""
@@ -390,13 +389,12 @@ class Tracer:
             if branch.status is Status.ARBITRARY and _is_same_end(self._branch, branch, ends):
                 termination.record_end(Status.ARBITRARY, _ends_at_continuum(branch.message))
 
-    def _name_corners(self) -> None:
-        """Add the corners that stop a curve of special points to its message, with the advice to follow them."""
-        state, last = self.state, self.state.last
-        met = " and ".join(state.problem.corners_met(last.X, self.setup.parameters_at(last.value)))
-        if met and isinstance(state.problem, SpecialPointProblem):
-            state.termination.message += f"; the curve meets {met}, where derivatives jump"
-            state.termination.advice = f"trace a response curve at this {self.setup.name}, and follow {met} on it"
+    def _add_reason(self) -> None:
+        """Add the reason why no step succeeds to the message, with advice, if the problem knows it."""
+        last, termination = self.state.last, self.state.termination
+        reason, advice = self.state.problem.stall(last.X, self.setup.name, self.setup.parameters_at(last.value))
+        if reason:
+            termination.message, termination.advice = f"{termination.message}; {reason}", advice
 
     def _trace_other_branch(self, span: tuple[float, float], start: BranchStart | None, rough: bool) -> Branch:
         """Trace another branch of the span, its points alone if ``rough``; Ctrl-C ends this trace too."""
