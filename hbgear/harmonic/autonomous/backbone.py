@@ -270,7 +270,7 @@ class BackboneProblem(ContinuationProblem):
         A[:n, n] = to_real(_applied(rate, rows, evaluator)).ravel()
         A[n, :n], A[n + 1, :n] = weight * self._phase, 0.5 * weight * alternating / (rms or 1.0)
         if self._default_mode.partner is not None and not self._touches(d, parameters, unknown):
-            other = self._partner(evaluator.m) * np.sqrt(_springs(evaluator).max())
+            other = self._partner * np.sqrt(_springs(evaluator).max())
             out[:n] += other.T @ (other @ d)
             A[:n, :n] += other.T @ other
         return Evaluation(out, A, _parameter_derivative(self, X, name, parameters, weight), size)
@@ -280,16 +280,17 @@ class BackboneProblem(ContinuationProblem):
         values = {**model_parameters(parameters), "Omega": unknown["Omega"]}
         return bool((self.balance.threshold_distances("edge", d, **values) > 0).any())
 
-    def _partner(self, m: int) -> Array:
+    @property
+    def _partner(self) -> Array:
         """Return the components (2, n) of motions in the other whirl of an isotropic rotor.
 
         Without contact both whirls combine in any ratio. Springs along the other one choose the motion without it, on
         which they exert no force.
         """
         assert self._default_mode.partner is not None
-        units = to_complex(np.eye(self.balance.size).reshape(self.balance.size, m, -1))[:, :, 1]
-        z = units @ self._default_mode.partner.conj()
-        return np.array([z.real, z.imag])
+        z = np.zeros((self.balance.m, self.balance.size // self.balance.m), dtype=complex)
+        z[:, 1:3] = self._default_mode.partner.conj()[:, None] * to_complex(np.eye(3))[1:, 1]
+        return np.array([z.real.ravel(), z.imag.ravel()])
 
     @property
     def _alternating(self) -> Array:
