@@ -24,9 +24,10 @@ from hbgear.harmonic.structure.linear_structure import LinearStructure
 from hbgear.harmonic.structure.modes import ModalBlocks, flexibilities, modal_blocks
 from hbgear.harmonic.structure.receptance import LinearPart, Receptance
 from hbgear.mechanics.laws.laws import Law
+from hbgear.mechanics.laws.mesh_contacts import contacts_of
 from hbgear.mechanics.laws.vector_laws import Component, vector_groups
 from hbgear.mechanics.models import System
-from hbgear.mechanics.series.fourier import Transform, places, spread
+from hbgear.mechanics.series.fourier import Series, Transform, places, spread
 
 PythonForces = SampledLaws | SampledVectorLaws | DampedContacts
 """Forces of laws that kernels do not evaluate."""
@@ -308,6 +309,13 @@ class Evaluator:
         """Return the force harmonics (m, 2H + 1) of all laws in the real basis."""
         R, *_ = self._balance(X, Omega, LinearPart.zero(len(self.orders), self.m))
         return self.spread(R).reshape(self.m, -1)
+
+    @cached_property
+    def smooth_breakpoints(self) -> list[int]:
+        """Numbers of the breakpoints of elements whose displacement is a series: its extrema are smooth."""
+        elements = self.system.elements
+        smooth = [isinstance(e.displacement, Series) and not contacts_of(e.law) for e in elements]
+        return np.flatnonzero(np.array(smooth, dtype=bool)[self.element]).tolist()
 
     def crossings(self, X: Array) -> Crossings:
         """Return the switching times of a motion."""

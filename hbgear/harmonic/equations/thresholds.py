@@ -27,7 +27,7 @@ from hbgear.harmonic.forces.aft import roots_of
 from hbgear.harmonic.forces.breakpoints import gap_samples
 from hbgear.mechanics.laws.mesh_contacts import ToothContact, contacts_of
 from hbgear.mechanics.laws.vector_laws import VectorLaw
-from hbgear.mechanics.series.fourier import Series, derive, evaluate, to_complex, to_real, waves
+from hbgear.mechanics.series.fourier import derive, evaluate, to_complex, to_real, waves
 
 EDGE_SAMPLES = 32
 """Samples for each harmonic [-] among which the extremum of an edge is searched, and of each refinement."""
@@ -87,7 +87,7 @@ def inner_samples(evaluator: Evaluator, X: Array, clearance: Array) -> Array | N
     A breakpoint beyond the outer extrema, whose distances are ``clearance`` (P, 2 K), needs no samples: the number of
     other extrema is even.
     """
-    numbers = _inner_breakpoints(evaluator)
+    numbers = evaluator.smooth_breakpoints
     if not numbers:
         return None
     low, high = clearance[:, ::2][:, numbers], clearance[:, 1::2][:, numbers]
@@ -118,7 +118,7 @@ def inner_distances(evaluator: Evaluator, X: Array) -> Array:
     to a breakpoint is taken, with the sign of the product of all distances. It changes where one of them passes the
     breakpoint, not where two of them appear or exchange their order. Without others it is the range of the motion.
     """
-    count = len(_inner_breakpoints(evaluator))
+    count = len(evaluator.smooth_breakpoints)
     return np.array([[_inner_extremum(evaluator, x, i)[0] for i in range(count)] for x in X]).reshape(len(X), count)
 
 
@@ -126,28 +126,19 @@ def inner_threshold(evaluator: Evaluator, X: Array, index: int) -> tuple[float, 
     """Return the distance of the extremum of entry ``index`` of `inner_distances`, and its derivative."""
     _, g, theta = _inner_extremum(evaluator, X, index)
     derivative = np.zeros((evaluator.m, 2 * len(evaluator.orders) - 1))
-    derivative[evaluator.element[_inner_breakpoints(evaluator)[index]]] = basis_values(theta, evaluator.orders)
+    derivative[evaluator.element[evaluator.smooth_breakpoints[index]]] = basis_values(theta, evaluator.orders)
     return g, derivative
 
 
 def inner_names(evaluator: Evaluator) -> tuple[str, ...]:
     """Return the meaning of each entry of `inner_distances` in words."""
     names = [name.removeprefix("lowest") for name in clearance_names(evaluator)[::2]]
-    return tuple(f"inner extremum{names[number]}" for number in _inner_breakpoints(evaluator))
-
-
-def _inner_breakpoints(evaluator: Evaluator) -> list[int]:
-    """Return the numbers of the breakpoints of elements whose displacement is a series: its extrema are smooth."""
-    elements = evaluator.system.elements
-    return [
-        number for number, j in enumerate(evaluator.element.tolist())
-        if isinstance(elements[j].displacement, Series) and not contacts_of(elements[j].law)
-    ]  # fmt: skip
+    return tuple(f"inner extremum{names[number]}" for number in evaluator.smooth_breakpoints)
 
 
 def _inner_extremum(evaluator: Evaluator, X: Array, index: int) -> tuple[float, float, float]:
     """Return entry ``index`` of `inner_distances` of a motion X (n,), distance and phase of its extremum."""
-    number = _inner_breakpoints(evaluator)[index]
+    number = evaluator.smooth_breakpoints[index]
     j = int(evaluator.element[number])
     row = evaluator.spread(X).reshape(evaluator.m, -1)[j]
     theta = _extrema(_slope_samples(evaluator, j, row), partial(evaluator.gap, j, row))
