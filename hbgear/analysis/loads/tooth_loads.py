@@ -157,7 +157,9 @@ def tooth_loads(point: Point, mesh: ToothMesh, element: int | str = 0) -> ToothL
     b, flanks = mesh.pair.half_backlash, _loaded(mesh.flanks, side)
     phase, delta = static_displacement(flanks, mesh.force, b)
     static = pair_forces(flanks, lambda t: np.interp(t, phase, delta, period=1.0), 1, b)
-    stress, static_stress = (root_stress(mesh, forces, side) for forces in (side_forces[side], static))
+    stress, static_stress = (
+        _root_stress(forces, _stress_per_force(mesh, forces.position, side)) for forces in (side_forces[side], static)
+    )
     return ToothLoads(side_forces[side], static, stress, static_stress, side)
 
 
@@ -170,8 +172,8 @@ def load_estimates(branch: Branch, numbers: Sequence[int], mesh: ToothMesh, side
     """
     motion = _Motion(branch[numbers[0]], mesh, 0)
     forces = [motion.forces(branch[i], side, COARSE_STEPS) for i in numbers]
-    factors = stress_per_force(mesh, forces[0].position, side)
-    return np.array([[pairs.force.max(), *np.sum(pairs.drive * factors, axis=1).max(axis=(1, 2))] for pairs in forces])
+    factors = _stress_per_force(mesh, forces[0].position, side)
+    return np.array([[pairs.force.max(), *_root_stress(pairs, factors).max(axis=(1, 2))] for pairs in forces])
 
 
 class _Motion:
@@ -231,16 +233,12 @@ def _loaded(flanks: Sequence[Flank], side: int) -> list[Flank]:
     return [replace(flank, side=side * flank.side) for flank in flanks]
 
 
-def root_stress(mesh: ToothMesh, forces: PairForces, side: int = 1) -> Array:
-    """Return the root stress of pinion and wheel [N/m^2] at all positions, shape (2, M, P); nan for a ring gear.
-
-    ``forces`` are those of the pairs [N]; ``side`` is that of `stress_per_force`.
-    """
-    stress: Array = np.sum(forces.drive * stress_per_force(mesh, forces.position, side), axis=1)
-    return stress
+def _root_stress(forces: PairForces, factors: Array) -> Array:
+    """Return the root stress of pinion and wheel [N/m^2], shape (2, M, P), for the factors of `_stress_per_force`."""
+    return (forces.drive * factors).sum(axis=1)
 
 
-def stress_per_force(mesh: ToothMesh, position: Array, side: int) -> Array:
+def _stress_per_force(mesh: ToothMesh, position: Array, side: int) -> Array:
     """Return the root stress of pinion and wheel per force on each slice [1/m^2], shape (2, S, 1, P); nan for a ring.
 
     ``side`` is -1 for the back flanks, whose contact moves from the tip of the pinion to its root.
