@@ -155,9 +155,8 @@ def explored(
     elif kind == "study":
         study = read_study(source, allow_code)
         model = study.model.replace(**next(study.vary.rows())) if isinstance(study.vary, Grid) else study.model
-        is_file = study.source.endswith(".toml")
-        subject = EditableFile(read_model(study.source), study.source, model) if is_file else EditableInstance(
-            model, study.source)  # fmt: skip
+        of_file, name = study.of_file, study.source
+        subject = EditableFile(of_file, name, model) if of_file else EditableInstance(model, name)
         usual, H = study.work.span, study.work.harmonics
     elif kind in ("train", "structure"):
         subject = EditableFile(read_model(source), source)

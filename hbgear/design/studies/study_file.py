@@ -32,12 +32,16 @@ from hbgear.mechanics.models import Model
 
 @dataclass(frozen=True)
 class Study:
-    """Content of a study file: name of the model or path of its file, model, cases and results to compute."""
+    """Content of a study file: name of the model or path of its file, model, cases and results to compute.
+
+    ``of_file`` is the model as its file has it, without the changes of [base]; None if the model is a class.
+    """
 
     source: str
     model: Model
     vary: Grid | Sample
     work: Work
+    of_file: Model | None = None
 
 
 def read_study(path: str | os.PathLike[str], allow_code: bool = False) -> Study:
@@ -232,4 +236,4 @@ def _study(checked: Any, subject: _Subject | None) -> Study:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # are given when the study is computed
             check_work(model, work)
-    return Study(subject.source, model, vary, work)
+    return Study(subject.source, model, vary, work, subject.model if isinstance(subject.model, Model) else None)
