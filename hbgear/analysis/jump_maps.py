@@ -386,6 +386,10 @@ def jump_map(
     )  # fmt: skip
 
 
+_ADVICE = "complete curves are kept; continue from them (in Python: jump_map(..., known=this map))"
+"""Recommended action for a map that is not complete."""
+
+
 @dataclass(eq=False)
 class _MapSearch:
     """Response curves and fold curves of a jump map, found so far.
@@ -412,7 +416,7 @@ class _MapSearch:
     progress: ProgressCallback | None
     curves: dict[float, Branch] = field(default_factory=dict)
     folds: list[tuple[Branch, list[Arm]]] = field(default_factory=list)
-    ending: Termination = field(default_factory=lambda: Termination(advice="complete curves are kept"))
+    ending: Termination = field(default_factory=lambda: Termination(advice=_ADVICE))
     unconverged: list[str] = field(default_factory=list)
 
     def follow_folds_at(self, value: float) -> None:

@@ -236,7 +236,7 @@ def test_an_interrupted_jump_map_goes_on_from_its_file(tmp_path):
     whole, count = at_call(0, work)
     stopped = [part for part in parts(work, count) if part is not None and part.status is Status.INTERRUPTED]
     assert {(bool(part.curves), bool(part.folds)) for part in stopped} == {(True, False), (True, True)}
-    assert all(part.message.endswith("or its folds. Complete curves are kept") for part in stopped)
+    assert all(part.message.endswith("(in Python: jump_map(..., known=this map))") for part in stopped)
     for part in stopped[:: max(1, len(stopped) // 6)]:
         save_map(part, tmp_path / "a.part.npz")
         known = read_map(tmp_path / "a.part.npz", problem, "zeta", span, frequencies)
