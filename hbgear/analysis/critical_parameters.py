@@ -50,7 +50,7 @@ _FOLD_STEPS = StepControl(first_step=0.002, max_step=0.1, max_points=300)
 """Step sizes of fold curves. A small first step resolves a cusp near the start; most are almost straight afterwards."""
 
 _NARROW = 0.01
-"""Relative distance of two successive cusps of a fold curve up to which they are none: a fold is replaced by another.
+"""Relative distance of two successive cusps up to which they are left out: one fold replaces another there.
 
 A fold curve turns twice where its motion grazes, within 1e-4 of the parameter. The jump exists on both sides.
 """
