@@ -57,9 +57,13 @@ def parameter_value(labels: Mapping[str, str], option: str, name: str, text: str
     --------
     >>> parameter_value({"backlash": "backlash [um]"}, "--set", "backlash", "0.09 mm")
     90.0
+    >>> parameter_value({}, "--set", "damping", "4%")
+    0.04
     """
     unit = unit_of(str(labels.get(name, name)))
     unit = "" if unit == "1" else unit
+    if not unit and text.rstrip().endswith("%"):
+        return to_si(option, name, text, "")
     if is_number(text) or not re.search(r"[^\W\d_]", text) or not known_unit(unit):
         return number_of(f"{option} {name}", text)
     if not unit:

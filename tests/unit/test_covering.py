@@ -66,6 +66,22 @@ def test_a_branch_passes_its_asymptote_and_hides_branches_within():
     assert uncovered_intervals([], (4.0, 2.0)) == [(2.0, 4.0)]
 
 
+@pytest.mark.parametrize(("gain", "count"), [(1e-9, 0), (0.9e-4, 0), (1.1e-4, 1), (0.1, 1)])
+def test_a_curve_that_is_traced_again_is_no_further_curve(gain, count):
+    """It ends at other rounding errors: only a curve that covers a ten-thousandth of the span more is kept."""
+
+    def branch(low):
+        values = np.array([low, 4.0])
+        return SimpleNamespace(values=values, asymptotes={}, unbounded_ends=(), status=Status.CLOSED, parameter="Omega")
+
+    search = coverage.CoverageSearch(
+        lambda span, start, rough: branch(3.0 - 2.0 * gain), lambda value, X: SimpleNamespace(direction=1.0), None
+    )
+    others = []
+    coverage.cover_span(branch(3.0), others, (2.0, 4.0), search)
+    assert len(others) == count
+
+
 @pytest.mark.parametrize("status", list(Status))
 def test_a_curve_that_is_whole_one_way_is_not_followed_back(monkeypatch, status):
     """Closed, or retraced to its beginning: the other way leads along the same curve."""

@@ -77,8 +77,16 @@ def uncovered_intervals(branches: Sequence[Branch], span: tuple[float, float]) -
     return [*uncovered, (reached, high)] if high > reached + min_width else uncovered
 
 
+def _width(intervals: Sequence[tuple[float, float]]) -> float:
+    """Return the total width of intervals."""
+    return sum(high - low for low, high in intervals)
+
+
 MIN_INTERVAL_RATIO = 1e-4
-"""Smallest width of an uncovered interval, relative to the span."""
+"""Smallest width of an uncovered interval, and smallest gain by a further curve, relative to the span.
+
+A known curve that is traced again ends at other rounding errors: it covers more by less than this ratio.
+"""
 
 
 SEARCHED_EIGHTHS = (4, 2, 6, 1, 3, 5, 7)
@@ -108,7 +116,8 @@ def cover_span(
         searched.add(_key(guess))
         with suppress(*SEARCH_ERRORS):
             branch = _trace_from_guess(*guess, span, search)
-            others += [branch] if uncovered_intervals([first, *others, branch], span) != missing else []
+            gain = _width(missing) - _width(uncovered_intervals([first, *others, branch], span))
+            others += [branch] if gain > MIN_INTERVAL_RATIO * abs(span[1] - span[0]) else []
 
 
 def _guesses(
