@@ -114,7 +114,10 @@ def special_table(
     return headers, rows
 
 
-UNCERTAIN_LANDING = "several motions are stable, so the landing is uncertain; --landing integrate finds it"
+UNCERTAIN_LANDING = (
+    "several motions are stable, so the landing is uncertain; integration in time finds it: hbgear jumps FILE "
+    "--landing integrate"
+)
 """Note of jumps whose landing is the nearest of several motions: of 26 jumps of 40 random spur pairs 8 went to another
 motion, at all ratios of the distances, and none of the 134 jumps with a single stable motion."""
 
@@ -180,7 +183,7 @@ def jump_table(
     header = height.header(branch)
     name, bracket, unit = header.partition(" [")
     sizes = [f"{name} {moment}{bracket}{unit}" for moment in ("before", "after")]
-    return ["", *position_headers(branch, dimensionless), "while", *sizes, "landing"], rows, notes
+    return ["", *position_headers(branch, dimensionless), "sweep", *sizes, "landing"], rows, notes
 
 
 _LEAVING = {"PD": ("motions of twice the period", "switch"), "NS": ("quasi-periodic motions", "torus")}

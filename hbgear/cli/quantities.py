@@ -72,6 +72,15 @@ def parameter_value(labels: Mapping[str, str], option: str, name: str, text: str
     return to_si(option, name, text, unit)
 
 
+def deviation_of(labels: Mapping[str, str], option: str, name: str, text: str) -> float:
+    """Return the standard deviation of a parameter, see `parameter_value`; a percentage raises ValueError."""
+    if text.rstrip().endswith("%"):
+        unit = unit_of(str(labels.get(name, name)))
+        raise ValueError(f"{option} {name}={text}: a deviation is no percentage; give it in the unit of {name}"
+                         f"{f', {unit}' if unit else ', as a number'}")  # fmt: skip
+    return parameter_value(labels, option, name, text)
+
+
 def value_in_model(model: hb.mechanics.Model, option: str, name: str, text: str) -> float:
     """Return the value of a parameter of a model, or of Omega, see `parameter_value` and `Omega_of`."""
     if name in ("Omega", SPEED):

@@ -23,7 +23,10 @@ def bounds_of(
     nominal, allowed = (problem.model.parameters | problem.model.entries)[name], problem.range_of(name)
     if bounds is None:
         if not nominal:
-            raise ValueError(f"{caller}: {name} is 0 in the model, so give its bounds: {{'{name}': (low, high)}}")
+            raise ValueError(
+                f"{caller}: {name} is 0 in the model, so give its bounds: {{'{name}': (low, high)}}, in a command "
+                f"--free {name}=LOW:HIGH"
+            )
         bounds = sorted(allowed.clipped(nominal * factor, nominal) for factor in factors)
     low, high = (float(end) for end in bounds)
     if not low < high or low not in allowed or high not in allowed:

@@ -223,14 +223,13 @@ def _bounds(
             raise ValueError(f"redesign: {name} is not among the parameters that may change: {', '.join(names)}")
     values, low, high = problem.model.parameters | problem.model.entries, [], []
     for name in names:
-        value, ends = (
-            values.get(name, 0.0),
-            bounds_of(problem, name, within.get(name), DEFAULT_BOUND_FACTORS, "redesign"),
-        )
+        value = values.get(name, math.nan)
         if not value:
             raise ValueError(
-                f"redesign: {name} is 0 in the model, so a relative change is not defined; give it a nonzero value"
+                f"redesign: {name} is 0 in the model, so its relative change is not defined; start from a model with a "
+                f"nonzero {name}"
             )
+        ends = bounds_of(problem, name, within.get(name), DEFAULT_BOUND_FACTORS, "redesign")
         if not ends[0] <= value <= ends[1]:
             raise ValueError(f"redesign: bounds of {name} = {quoted(ends)} must contain its value {value:g}")
         changes = sorted(end / value - 1.0 for end in ends)

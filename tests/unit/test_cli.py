@@ -84,6 +84,8 @@ def test_values_take_the_type_of_the_field(run):
     assert run("trace", "spur-pair", *sets, "--max-points", 3, "--no-stability", "-o", "s.npz")[0] == 3
     fields = hb.load("s.npz").meta["model"]["fields"]
     assert fields["eps"] == [0.1, 0.05] and fields["e"] == [0.05] and fields["phase"] == "sin" and fields["b"] == 2.0
+    assert run("trace", "duffing", "--set", "zeta=2.5 %", "--max-points", 3, "--no-stability", "-o", "d.npz")[0] == 3
+    assert hb.load("d.npz").meta["model"]["fields"]["zeta"] == 0.025
     sets = ["--set", "tilt=false", "--set", "teeth_p=23", "--set", "e=()"]
     assert run("trace", "double-helical", *sets, "--max-points", 3, "--no-stability", "-o", "g.npz")[0] == 3
     fields = hb.load("g.npz").meta["model"]["fields"]
@@ -217,7 +219,7 @@ def test_points_of_the_second_curve_of_a_file(run):
     code, _, err = run("sensitivity", "w.npz", "3:LP1")
     assert code == 2 and "POINT 3:LP1: the file has 2 curves" in err
     code, out, _ = run("scatter", "w.npz", "zeta=1e-4", "--draws", 20)
-    assert code == 0 and re.search(r"^ +LP1 .*falling", out, re.M) and re.search(r"^ +2:LP1 .*rising", out, re.M)
+    assert code == 0 and re.search(r"^ +LP1 .*decreasing", out, re.M) and re.search(r"^ +2:LP1 .*increasing", out, re.M)
     code, out, _ = run("results", "w.npz", "-o", "r.csv")
     stable = [hb.analysis.machine_quantities(one)["dynamic factor"][one.stable].max() for one in (curve, other)]
     (factor,) = re.findall(r"dynamic factor \[-\] +([\d.]+)", out)[:1]
@@ -408,7 +410,9 @@ def refused(run, args, *words):
         ("trace duffing --set zeta=nan", ["zeta=nan", "finite number"]),
         ("trace duffing --set F=inf", ["F=inf", "finite number"]),
         ("trace duffing --set zeta=-0.1", ["zeta = -0.1", "must not be negative"]),
-        ("trace duffing --set zeta=5%", ["zeta=5%", "finite number"]),
+        ("trace duffing --set zeta=x%", ["zeta", "x%", "must be a number"]),
+        ("redesign duffing --free zeta --scatter zeta=10%", ["--scatter zeta=10%", "no percentage", "as a number"]),
+        ("redesign double-helical --free W --free zeta", ["W is 0 in the model", "nonzero W"]),
         ("trace duffing --set zeta", ["--set zeta", "need NAME=VALUE"]),
         ("trace duffing --set zeta=0.1 --set zeta=0.2", ["already given as 0.1"]),
         ("trace spur-pair --set eps=0.1,x", ["eps=x", "finite number"]),

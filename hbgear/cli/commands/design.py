@@ -81,8 +81,7 @@ def map_command(
         if not rows and jump_map.status.complete and not jump_map.message:
             print(f"no jump for {parameter} between {min(span):g} and {max(span):g}{unit}")
         elif rows:
-            headers = [parameter + (f" [{unit.strip()}]" if unit else ""), axis.name,
-                       f"{'speed' if axis.is_speed else 'Omega'} during the jump"]  # fmt: skip
+            headers = [parameter + (f" [{unit.strip()}]" if unit else ""), axis.name, "sweep"]
             print_table(headers, rows, "jump curves")
         for cusp in jump_map.cusps:
             print(f"a jump vanishes at {parameter} = {text_at(cusp, parameter)}{unit}, {_frequency_text(cusp, axis)}")

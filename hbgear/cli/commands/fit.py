@@ -15,7 +15,7 @@ from hbgear.cli import options
 from hbgear.cli.commands.shares import SHARE_ROUNDING, MaxRows, Saved, show_shares
 from hbgear.cli.output import bar, finish, print_table, print_text
 from hbgear.cli.output_files import outputs
-from hbgear.cli.quantities import amplitude_in_model, check_parameter, parameter_value, value_in_model
+from hbgear.cli.quantities import amplitude_in_model, check_parameter, deviation_of, value_in_model
 from hbgear.cli.support import (
     assignments,
     chosen_model,
@@ -97,7 +97,7 @@ def scatter(
     branch = load_with_problem(file, model)
     labels = branch.problem.model.labels
     pairs = assignments("NAME=DEVIATION", spread)
-    deviations = {name: parameter_value(labels, "NAME=DEVIATION", name, text) for name, text in pairs}
+    deviations = {name: deviation_of(labels, "NAME=DEVIATION", name, text) for name, text in pairs}
     if dimensionless:
         unit, length = unit or "Omega", length or ""
     with bar("scatter") as progress:
@@ -133,8 +133,10 @@ def fit(
     ],
     model: options.Model,
     free: Annotated[
-        str,
-        typer.Option("--free", metavar="NAME,...", help="Parameters to fit: zeta,b or, with bounds, zeta=0.01:0.2."),
+        list[str],
+        typer.Option(
+            "--free", metavar="NAME,...", help="Parameters to fit: zeta,b or, with bounds, zeta=0.01:0.2; repeatable."
+        ),
     ],
     changes: options.Changes = None,
     column: Annotated[
@@ -164,7 +166,7 @@ def fit(
     Exit codes: 0 done, 2 bad input, 3 stopped early (the best values so far are shown).
     """
     machine = chosen_model(model, changes)
-    bounds = dict(_bounds(machine, text) for text in free.split(",") if text.strip())
+    bounds = _free_parameters(machine, free)
     measured = hb.design.read_measurements(
         data, dict(assignments("--column", column or [])), unit=unit, length=length, measure=measure,
         element=element,
@@ -202,8 +204,12 @@ def fit(
 def redesign(
     model: options.Model,
     free: Annotated[
-        str,
-        typer.Option("--free", metavar="NAME,...", help="Parameters that may change: zeta,e_scale or zeta=0.04:0.1."),
+        list[str],
+        typer.Option(
+            "--free",
+            metavar="NAME,...",
+            help="Parameters that may change: zeta,e_scale or zeta=0.04:0.1; repeatable.",
+        ),
     ],
     peak: Annotated[
         str | None,
@@ -243,10 +249,10 @@ def redesign(
     problem = problem_of(chosen_model(model, changes), harmonics)
     if peak is not None and margin is not None:
         raise ValueError("--margin is the distance from a jump; give --margin or --peak, not both")
-    ranges = dict(_bounds(problem.model, text) for text in free.split(",") if text.strip())
+    ranges = _free_parameters(problem.model, free)
     within = {name: bounds for name, bounds in ranges.items() if bounds is not None}
     spread = {
-        name: value_in_model(problem.model, "--scatter", name, text)
+        name: deviation_of(problem.model.labels, "--scatter", name, text)
         for name, text in assignments("--scatter", scatter or [])
     }
     if peak is None:
@@ -288,6 +294,11 @@ GOAL_MISSED = 1
 """Exit code of a redesign that does not reach its goal."""
 
 
+def _free_parameters(model: hb.mechanics.Model, texts: list[str]) -> dict[str, tuple[float, float] | None]:
+    """Return the bounds of the parameters of all options --free by name; None where none are given."""
+    return dict(_bounds(model, text) for several in texts for text in several.split(",") if text.strip())
+
+
 def _bounds(model: hb.mechanics.Model, text: str) -> tuple[str, tuple[float, float] | None]:
     """Return the name and the bounds of an entry of --free."""
     name, equals, ends = (part.strip() for part in text.partition("="))
@@ -303,7 +314,7 @@ def _bounds(model: hb.mechanics.Model, text: str) -> tuple[str, tuple[float, flo
 def _print_scatter(jumps: list[tuple[str, hb.design.JumpTolerance]], draws: int) -> None:
     """Print the standard deviation of each jump, given with its label, and the draws in which it vanishes."""
     rows = [
-        [label, "rising" if t.direction > 0 else "falling", f"{t.value:.6g}", f"{t.first:.3g}",
+        [label, "increasing" if t.direction > 0 else "decreasing", f"{t.value:.6g}", f"{t.first:.3g}",
          _number_or_dash(t.sampled, ".3g"), str(t.lost), *(f"{effect:+.3g}" for effect in t.effects.values())]
         for label, t in jumps
     ]  # fmt: skip

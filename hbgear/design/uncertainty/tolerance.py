@@ -32,6 +32,7 @@ from hbgear.continuation.results.termination import raise_if_interrupted
 from hbgear.continuation.solvers.newton import SEARCH_ERRORS
 from hbgear.continuation.tracing.trace import trace
 from hbgear.harmonic.models.frequency_units import MESH, PINION, speeds_at
+from hbgear.mechanics.plausibility import ImplausibleInputWarning
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -209,7 +210,8 @@ def _jump_of(
         if solver.bounds_stable_motions(U, parameters):
             return float(U[-1]), parameters
     change = float(slopes @ values)
-    with suppress(*SEARCH_ERRORS):
+    with suppress(*SEARCH_ERRORS), warnings.catch_warnings():
+        warnings.simplefilter("ignore", ImplausibleInputWarning)  # values of a draw
         span, at = (branch.values[0], branch.values[-1]), {name: parameters[name] for name in changes}
         curve = raise_if_interrupted(trace(branch.problem, branch.parameter, span, at=at, accuracy=None))
         others = [other.value for one in curve.curves for other in one.jumps() if other.direction == jump.direction]

@@ -56,7 +56,8 @@ def _mean_law(law: Law, name: str) -> Law:
     if law.piecewise is None:
         raise ValueError(
             f"the law of element '{name}' varies with the phase of the excitation, and its mean is not known: free "
-            "motions need a law that is constant in time, such as that of the mean mesh, model(mesh='tangent')"
+            "motions need a law that is constant in time, such as that of the mean mesh: model(mesh='tangent'), in a "
+            'file mesh_model = "tangent"'
         )
     springs = tuple(dataclasses.replace(s, stiffness=Series(mean=float(s.stiffness.mean))) for s in law.piecewise)
     return springs[0] if len(springs) == 1 else Parallel(springs)

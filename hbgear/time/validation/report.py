@@ -262,7 +262,7 @@ class Report:
             Headers, and rows of texts.
         """
         name, scale, size, length = self._units(dimensionless)
-        headers = ["jump", name, "while", f"rms{size} before", "rms after", "integrated", "period", "after periods",
+        headers = ["jump", name, "sweep", f"rms{size} before", "rms after", "integrated", "period", "after periods",
                    "status"]  # fmt: skip
         return headers, [
             [_on_curve(j, j.label), f"{scale * j.value:.6g}", "increasing" if j.direction > 0 else "decreasing",
