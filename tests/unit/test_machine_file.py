@@ -112,7 +112,22 @@ def test_tables_of_the_mesh_are_files_in_its_folder(file, tmp_path):
         ('"200 N m"', '"200 N"', "line 1: torque = '200 N' must be a quantity in N m"),
         ('"200 N m"', "0.0", "line 1: torque = 0 N m"),
         ("0.04", "7", "line 2: damping = 7 is beyond"),
-        ("teeth = 40", 'teeth = "x"', "line 10: wheel.teeth = 'x': .*integer"),
+        ("teeth = 40", 'teeth = "x"', "line 10: wheel.teeth = 'x' must be a whole number"),
+        ("teeth = 40", "teeth = 40.0", "line 10: wheel.teeth = 40.0 must be a whole number"),
+        ('"3 mm"', "true", "line 6: pinion.module = true must be text in quotation marks or a number$"),
+        ("damping = 0.04", "damping = 0,04", r"line 2, column 12\); the decimal mark is a point"),
+        ("[wheel]", 'friction.viscosit = "1 Pa s"\n[wheel]', "line 9: unknown key 'pinion.friction'"),
+        ("damping", 'friction = "a"\ndamping', "line 2: friction = 'a' must be a number or a table$"),
+        (
+            "damping",
+            "friction = {viscosity = [3], speed = 1}\ndamping",
+            r"line 2: friction.viscosity = \[3\] must be text",
+        ),
+        (
+            "damping",
+            'friction = {viscosit = "1 Pa s", speed = "1 r/min"}\ndamping',
+            "line 2: unknown key 'friction.viscosit'; did you mean 'viscosity'",
+        ),
         ("teeth = 40", 'teeth = 40\nhelix_angle = "10 deg"', "line 13: .* give the wheel helix_angle = '0 deg'"),
         ('backlash = "80 um"', "", "line 12: the pair has no backlash"),
         (

@@ -214,7 +214,7 @@ def test_files_that_are_no_text(tmp_path):
     (tmp_path / "a.toml").write_bytes(b"\x86\x00\xff")
     (tmp_path / "folder.toml").mkdir()
     for name, words in (
-        ("a.toml", "it is no text"),
+        ("a.toml", "it is no text.*; save it as UTF-8"),
         ("folder.toml", "Is a directory"),
         ("none.toml", "No such file or directory"),
     ):

@@ -48,4 +48,4 @@ def text_of_file(path: str | os.PathLike[str], kind: str) -> str:
 def _not_text(error: UnicodeDecodeError) -> str:
     """Return the reason for which bytes are not text, for messages."""
     line = error.object[: error.start].count(b"\n") + 1
-    return f"it is no text (UTF-8), line {line} has the byte 0x{error.object[error.start]:02x}"
+    return f"it is no text (UTF-8), line {line} has the byte 0x{error.object[error.start]:02x}; save it as UTF-8"

@@ -25,7 +25,7 @@ from hbgear.design.studies.case_work import check_work
 from hbgear.design.studies.samples import METHODS, Grid, Sample, distribution, grid
 from hbgear.harmonic.models.frequency_units import Omega_of
 from hbgear.harmonic.models.model_registry import model_class
-from hbgear.io.machines.toml_file import KeyPath, TomlFileError, exactly, located, location_and_text, parsed
+from hbgear.io.machines.toml_file import KeyPath, TomlFileError, exactly, located, parsed, validation_problems
 from hbgear.mechanics.fields import defaults_of, entries_among, made, plain_kinds_of, required_of
 from hbgear.mechanics.models import Model
 
@@ -150,7 +150,7 @@ def _checked(
     try:
         checked = schema.model_validate(data)
     except pydantic.ValidationError as error:
-        problems += [location_and_text(schema, details) for details in error.errors()]
+        problems += validation_problems(schema, data, error)
     return problems, checked, subject
 
 

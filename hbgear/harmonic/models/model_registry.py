@@ -100,7 +100,9 @@ def model_class(name: str) -> type[Model]:
             raise KeyError(f"'{name}' is a file of Python: give a model in it, as {name}:NAME")
         if name.endswith((".mat", ".mtx", ".npy", ".csv")):
             raise KeyError(f"'{name}' is a file of matrices or numbers: give FILE.toml, whose [matrices] name it")
-        raise KeyError(f"there is no model '{name}'{did_you_mean(name, names, 'there are')}")
+        hint = did_you_mean(name, names, "there are")
+        files = "" if "did you mean" in hint else "; give one of them, FILE.toml or FILE.py:NAME"
+        raise KeyError(f"there is no model '{name}'{hint}{files}")
     return find_model_class(name)
 
 

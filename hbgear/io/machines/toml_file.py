@@ -13,7 +13,7 @@ from typing import Any
 
 from hbgear.common.text.decoding import text_of_file
 from hbgear.common.text.messages import did_you_mean, quoted, shortened
-from hbgear.common.units import QuantityField
+from hbgear.common.units import QuantityField, decimal_mark
 from hbgear.io.branches.archive import too_deep
 
 KeyPath = tuple[str | int, ...]
@@ -47,6 +47,8 @@ def parsed(path: str | os.PathLike[str], expected: str) -> tuple[str, dict[str, 
         reason = _nested(text)
     except tomllib.TOMLDecodeError as error:
         reason = shortened(str(error), 200).replace("at end of document", f"at the end, line {len(text.splitlines())}")
+        at = re.search(r"at line (\d+)", reason)
+        reason += decimal_mark(text.splitlines()[int(at[1]) - 1].rpartition("=")[2]) if at else ""
     except RecursionError:
         reason = _nested(text)
     except ValueError:  # Python reads no whole number with thousands of digits
@@ -81,7 +83,7 @@ def read_checked(
     try:
         valid = schema.model_validate(data).model_dump(exclude_unset=True)
     except pydantic.ValidationError as error:
-        problems = [location_and_text(schema, details) for details in error.errors()]
+        problems = validation_problems(schema, data, error)
     else:
         content = create(valid, Path(path).parent, problems)
         if content is not None:
@@ -155,15 +157,68 @@ def line_of(lines: Mapping[KeyPath, int], key_path: KeyPath) -> int:
     return lines.get(key_path, 1)
 
 
-def location_and_text(schema: Any, error: Any) -> tuple[KeyPath, str]:
+NEEDED = {
+    "int_type": "a whole number", "int_from_float": "a whole number", "float_type": "a number",
+    "finite_number": "a finite number", "string_type": "text in quotation marks", "bool_type": "true or false",
+    "list_type": "a list in brackets", "tuple_type": "a list in brackets", "dict_type": "a table",
+    "model_type": "a table",
+}  # fmt: skip
+"""What a value must be, by the type of an error of pydantic."""
+
+
+def validation_problems(schema: Any, data: Mapping[str, Any], error: Any) -> Problems:
+    """Return position and text of the errors of a validation by pydantic.
+
+    A value of a wrong type has one error that names all allowed types; pydantic has one for each.
+    """
+    needed: dict[KeyPath, list[str]] = {}
+    problems: Problems = []
+    for details in error.errors():
+        key_path = _path_in(data, details["loc"], details["type"] == "missing")
+        text = NEEDED.get(details["type"]) or details.get("ctx", {}).get("expected")
+        is_list_of_tables = details["type"] == "list_type" and isinstance(details["input"], dict)
+        if text and details["type"] in (*NEEDED, "literal_error") and not is_list_of_tables:
+            needed.setdefault(key_path, []).append(text)
+        else:
+            problems.append(_location_and_text(schema, key_path, details))
+    wrong = {*needed, *(key_path for key_path, _ in problems)}
+    for key_path, texts in needed.items():
+        if any(len(other) > len(key_path) and other[: len(key_path)] == key_path for other in wrong):
+            continue  # a table, whose entries have errors, is one of the allowed types
+        name = shortened(".".join(map(str, key_path)))
+        value: Any = data
+        for key in key_path:
+            value = value[key]
+        problems.append((key_path, f"{name} = {_as_toml(value)} must be {' or '.join(dict.fromkeys(texts))}"))
+    return problems
+
+
+def _as_toml(value: Any) -> str:
+    """Return a value in the notation of TOML, shortened."""
+    return str(value).lower() if isinstance(value, bool) else quoted(value)
+
+
+def _path_in(data: Any, loc: Sequence[str | int], missing: bool) -> KeyPath:
+    """Return the position of an error without the names that pydantic gives to the members of a union.
+
+    If a key is ``missing``, the last entry of the location is this key.
+    """
+    key_path: list[str | int] = []
+    for key in loc[: len(loc) - missing]:
+        if (isinstance(data, dict) and key in data) or (isinstance(data, list) and isinstance(key, int)):
+            key_path.append(key)
+            data = data[key]  # type: ignore[index]
+    return (*key_path, loc[-1]) if missing else tuple(key_path)
+
+
+def _location_and_text(schema: Any, key_path: KeyPath, error: Any) -> tuple[KeyPath, str]:
     """Return position and text of an error of pydantic."""
-    key_path: KeyPath = tuple(error["loc"])
     name = ".".join(map(str, key_path))
     if error["type"] == "extra_forbidden":
         for key in key_path[:-1]:
             if isinstance(key, str):  # the schema of the entries of a list is that of its key
                 schema = schema.model_fields[key].annotation
-                schema = next(iter(typing.get_args(schema)), schema)
+                schema = next((kind for kind in typing.get_args(schema) if hasattr(kind, "model_fields")), schema)
         return key_path, f"unknown key '{shortened(name)}'{did_you_mean(str(key_path[-1]), schema.model_fields)}"
     if error["type"] == "missing":
         return key_path, f"'{shortened(name)}' is missing"
