@@ -229,21 +229,23 @@ def test_bad_input(make, message):
 
 
 @pytest.mark.filterwarnings("ignore:no friction slider slips")
-def test_many_sliders_next_to_each_other():
-    """The dynamic stiffness between near places of a fine mesh is an inverse with large rounding errors.
+@pytest.mark.parametrize(("n", "count", "k", "tolerance"), [(100, 20, 5.0, 1e-8), (300, 20, 1.0, 1e-5)])
+def test_many_sliders_on_a_fine_mesh(n, count, k, tolerance):
+    """The sliders stick, so that the structure is linear.
 
-    The tolerance of the residual must not lie below them: 120 points were not enough for 1 % of the span.
+    With 100 elements the tolerance of the residual was below the rounding errors of the dynamic stiffness, an inverse:
+    120 points were not enough for this span. With 300 the lowest mode was taken for a free motion and was missing.
     """
-    (M, K), k, places = cantilever(100), 5.0, 2 * np.linspace(20, 99, 20).astype(int)
-    C, tip, W = 0.05 * M + 1e-3 * K, np.eye(1, 200, 198)[0], np.eye(200)[places]
-    sliders = [hb.Element(w, hb.mechanics.Jenkins(k=k, limit=0.02)) for w in W]
+    (M, K), places = cantilever(n), 2 * np.linspace(n // 5, n - 1, count).astype(int)
+    C, tip, W = 0.05 * M + 1e-3 * K, np.eye(1, 2 * n, 2 * n - 2)[0], np.eye(2 * n)[places]
+    sliders = [hb.Element(w, hb.mechanics.Jenkins(k=k, limit=1.0)) for w in W]
     beam = hb.System(M, C, K, sliders, hb.Load(cosine={1: 0.1 * tip}))
     steps = hb.StepControl(max_points=120)
-    curve = hb.trace(hb.HarmonicBalance(beam, 3), "Omega", (3.45, 3.5), steps=steps)
+    curve = hb.trace(hb.HarmonicBalance(beam, 1), "Omega", (3.45, 3.5), steps=steps)
     assert curve.status == "reached_end"
     sticking = [W @ np.linalg.solve(K + k * W.T @ W + 1j * w * C - w**2 * M, 0.1 * tip) for w in curve.values]
-    first = curve.X.reshape(len(curve), 20, 7)[:, :, 1:3] @ [1, -1j]
-    assert np.abs(first - sticking).max() < 1e-8 * np.abs(sticking).max()
+    first = curve.X.reshape(len(curve), count, 3)[:, :, 1:] @ [1, -1j]
+    assert np.abs(first - sticking).max() < tolerance * np.abs(sticking).max()
 
 
 def _moved():

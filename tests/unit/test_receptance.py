@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from machines import cantilever
 from scipy import sparse
 from scipy.linalg import block_diag
 
@@ -426,3 +427,18 @@ def test_stacked_direct_solutions_are_those_of_one_harmonic_at_a_time(rng, monke
     monkeypatch.setattr(linear_structure, "_MAX_STACKED_COORDINATES", 0)
     for one, other in zip(stacked, linear._direct(w, F), strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-13, atol=1e-13)
+
+
+@pytest.mark.parametrize("damper", [0.0, 0.3])
+def test_modes_of_a_fine_mesh_give_its_direct_receptance(damper):
+    """Poles of damping in proportion to K reach 1e10 times the lowest one, which was left out as a drift."""
+    n = 200
+    (M, K), tip = cantilever(n), np.eye(1, 2 * n, 2 * n - 2)[0]
+    C = 1e-3 * K + damper * np.outer(tip, tip)
+    stop = Element(tip, Unilateral(k=1.0, gap=0.1))
+    structure = LinearStructure(System(M, C, K, [stop], Load(cosine={1: tip})))
+    modes, w = structure.modes, 3.0
+    assert modes is not None and structure.accurate_modes
+    direct = tip @ np.linalg.solve(structure.K + 1j * w * structure.C - w**2 * structure.M, tip)
+    by_modes = (modes.output / (1j * w - modes.poles)) @ modes.input
+    assert by_modes[0, 0] == pytest.approx(direct, rel=1e-5)

@@ -112,6 +112,15 @@ def _is_diagonal(A: Array) -> bool:
     return bool(np.count_nonzero(A) == np.count_nonzero(np.diag(A)))
 
 
+def _real_shapes(M: Array, K: Array) -> tuple[Array, Array]:
+    """Return the squared frequencies of symmetric M and K, zero if not positive, and the modes of unit modal mass.
+
+    Rounding changes the lowest eigenvalues of a fine mesh, but not their Rayleigh quotients.
+    """
+    shapes = scipy.linalg.eigh(K, None if _is_diagonal(M) else M)[1]
+    return modal_squares(K, shapes, np.abs(K)), shapes
+
+
 def _constraints(W: Array, kr: Array) -> tuple[np.ndarray, Array, Array]:
     """Return ``independent``, ``force_sums`` and ``compatibility`` of `LinearStructure` for directions W (n, m)."""
     m = W.shape[1]
@@ -256,13 +265,13 @@ class LinearStructure:
             A = K * np.outer(s, s)
             if not all(np.array_equal(x, x.T) for x in (M, C, A)):
                 return None
-            squares, V = scipy.linalg.eigh(A, None if _is_diagonal(M) else M)
+            squares, V = _real_shapes(M, A)
             D = V.T @ C @ V
             delta = 0.5 * np.diag(D)
             is_coupled = np.abs(D - np.diag(np.diag(D))).max() > _MODAL_COUPLING_TOLERANCE * np.abs(D).max()
             pole_difference = 2 * np.sqrt((delta**2 - squares).astype(complex))
             is_double = np.abs(pole_difference) * _MAX_EIGENVECTOR_CONDITION < np.abs(delta) + np.sqrt(np.abs(squares))
-            if squares[0] <= _FREE_MOTION_TOLERANCE * squares[-1] or is_coupled or is_double.any():
+            if not squares.all() or is_coupled or is_double.any():
                 continue
             self.kr, self.K = kr, K
             poles = np.concatenate([-delta + 0.5 * pole_difference, -delta - 0.5 * pole_difference])
@@ -335,32 +344,22 @@ class LinearStructure:
         if self.system.massless:
             poles, q, forces, condition = massless_modes(self.system, M, C, K, B, T)
             return Modes(poles, q, forces, self.W.T @ q, forces @ self.W, condition)
+        if not free.shape[1] and self.n > _REAL_MODES_FROM and np.array_equal(M, M.T) and np.array_equal(K, K.T):
+            squares, shapes = _real_shapes(
+                M * np.outer(self._scale, self._scale), K * np.outer(self._scale, self._scale)
+            )
+            if squares.all():  # with states of equal size the lowest modes of a fine mesh are accurate
+                T, w = self._scale[:, None] * shapes, np.sqrt(squares)
+                return _modes_of_states(T.T @ C @ T, np.diag(w), np.diag(w), T / w, T.T, self.W, disturbance)
         Mi = np.linalg.inv(T.T @ M @ B)
         K, C = Mi @ T.T @ K @ B, Mi @ T.T @ C @ B
-        size = B.shape[1]
-        # states (q, q'/frequency_scale) are independent of the unit of time
-        frequency_scale = np.sqrt(np.abs(K).max()) or 1.0
-        A = np.zeros((2 * size, 2 * size))
-        A[:size, size:], A[size:, :size], A[size:, size:] = frequency_scale * np.eye(size), -K / frequency_scale, -C
-        if disturbance:
-            # different disturbances of the states separate the eigenvectors of a defective matrix
-            A += disturbance * frequency_scale * np.diag(np.linspace(-1.0, 1.0, 2 * size) ** 3)
+        frequency_scale = np.sqrt(np.abs(K).max()) or 1.0  # makes the states independent of the unit of time
         Z = None if free.shape[1] else _without_drift(self, frequency_scale)
-        poles, V = np.linalg.eig(A if Z is None else Z.T @ A @ Z)
-        poles, V = poles.astype(complex), V.astype(complex)
-        try:
-            U = np.linalg.inv(V)
-        except np.linalg.LinAlgError:
-            U = np.full_like(V, np.inf)  # rejected by the caller because of the condition
-        if Z is not None:
-            V, U = Z @ V, U @ Z.T
-        right = B @ V[:size]
-        left_vectors = U[:, size:] @ (Mi @ T.T) / frequency_scale
-        output, input_ = self.W.T @ right, left_vectors @ self.W
-        # a remaining pole at zero is a drift that no element measures, without effect on the receptance
-        keep = np.abs(poles) > 1e-9 * np.abs(poles).max(initial=0.0)
-        condition = float(np.linalg.norm(V, 1) * np.linalg.norm(U, 1)) if np.all(np.isfinite(U)) else np.inf
-        return Modes(poles[keep], right[:, keep], left_vectors[keep], output[:, keep], input_[keep], condition)
+        drifts = max(self.free.shape[1], self.free_left.shape[1]) - free.shape[1]
+        return _modes_of_states(
+            C, frequency_scale * np.eye(B.shape[1]), K / frequency_scale, B, Mi @ T.T / frequency_scale, self.W,
+            disturbance, Z, drifts,
+        )  # fmt: skip
 
     def _undamped(self, free: Array, C: Array) -> Array:
         """Return the free motions that no damper acts on."""
@@ -444,6 +443,35 @@ def flexibility(K: Array, scale: Array) -> Array:
     """Return the pseudoinverse of K; rounding of coordinates is compared in units of ``scale`` (n,)."""
     inverse: Array = scipy.linalg.pinv(K * np.outer(scale, scale), rtol=_FREE_MOTION_TOLERANCE)
     return scale[:, None] * inverse * scale
+
+
+def _modes_of_states(
+    C: Array, upper: Array, lower: Array, B: Array, T: Array, W: Array, disturbance: float, Z: Array | None = None,
+    drifts: int = 0,
+) -> Modes:  # fmt: skip
+    """Return the modes of x' = upper y, y' = -lower x - C y + T (F - W u), q = B x.
+
+    disturbance : relative disturbance that separates coincident poles. Z : basis of the states to which x, y are
+    restricted. drifts : number of damped free motions. Each has a pole at zero, a drift that no element measures.
+    """
+    size = len(C)
+    A = np.block([[np.zeros((size, size)), upper], [-lower, -C]])
+    if disturbance:
+        # different disturbances of the states separate the eigenvectors of a defective matrix
+        A += disturbance * np.abs(upper).max() * np.diag(np.linspace(-1.0, 1.0, 2 * size) ** 3)
+    poles, V = np.linalg.eig(A if Z is None else Z.T @ A @ Z)
+    poles, V = poles.astype(complex), V.astype(complex)
+    try:
+        U = np.linalg.inv(V)
+    except np.linalg.LinAlgError:
+        U = np.full_like(V, np.inf)  # rejected by the caller because of the condition
+    if Z is not None:
+        V, U = Z @ V, U @ Z.T
+    right, left = B @ V[:size], U[:, size:] @ T
+    keep = np.abs(poles) > 1e-9 * np.abs(poles).max(initial=0.0)
+    keep[np.argsort(np.abs(poles), kind="stable")[drifts:]] = True
+    condition = float(np.linalg.norm(V, 1) * np.linalg.norm(U, 1)) if np.all(np.isfinite(U)) else np.inf
+    return Modes(poles[keep], right[:, keep], left[keep], (W.T @ right)[:, keep], (left @ W)[keep], condition)
 
 
 def _without_drift(structure: LinearStructure, frequency_scale: float) -> Array | None:

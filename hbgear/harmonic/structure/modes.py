@@ -151,7 +151,7 @@ def modal_blocks(
             np.abs(rotated[0].T[active, :, None] * rotated[1][active, None, :]) / np.abs(poles[active])[:, None, None]
         )
         residual = T.T @ flexibility @ T
-        block = _blocks(coupling.max(axis=0) + np.abs(residual) > _BLOCK_COUPLING_TOLERANCE * largest)
+        block = _blocks(coupling.max(axis=0, initial=0.0) + np.abs(residual) > _BLOCK_COUPLING_TOLERANCE * largest)
         owner = block[np.argmax(np.einsum("rii->ri", coupling), axis=1)]
         blocks = tuple(
             _block_of(poles, rotated[0][block == b], rotated[1][:, block == b], active[owner == b],
