@@ -209,15 +209,20 @@ def test_resonances_of_neimark_sacker_points(tongue):
 
 @dataclass(frozen=True)
 class StiffVanDerPol(hb.mechanics.Law):
-    """0.4 (d^2 - 1) d' + 0.3 d^3"""
+    """eps (d^2 - 1) d' + cubic d^3"""
+
+    eps: float
+    cubic: float
 
     def force(self, d, v, tau):
-        return 0.4 * (d**2 - 1) * v + 0.3 * d**3, 0.8 * d * v + 0.9 * d**2, 0.4 * (d**2 - 1)
+        damping = self.eps * (d**2 - 1)
+        return damping * v + self.cubic * d**3, 2 * self.eps * d * v + 3 * self.cubic * d**2, damping
 
 
 @hb.mechanics.model
-def stiffening(F: float = 4.0) -> hb.System:
-    return hb.System([[1.0]], [[0.0]], [[1.0]], [hb.Element([1.0], StiffVanDerPol())], hb.Load(cosine={1: [F]}))
+def stiffening(F: float = 4.0, eps: float = 0.4, cubic: float = 0.3) -> hb.System:
+    spring = hb.Element([1.0], StiffVanDerPol(eps, cubic))
+    return hb.System([[1.0]], [[0.0]], [[1.0]], [spring], hb.Load(cosine={1: [F]}))
 
 
 @pytest.mark.slow
@@ -232,6 +237,20 @@ def test_angles_at_resonances_are_accurate_to_rounding(start):
         state = state_of(problem, problem.from_point(held[label]), **at)
         multipliers = hb.time.shoot(stiffening(at["F"]), at["Omega"], state, tolerance=1e-12).multipliers
         assert np.abs(np.angle(multipliers)) / (2 * math.pi) == pytest.approx(turns, abs=5e-11)
+
+
+@pytest.mark.slow
+def test_errors_far_along_a_curve_are_those_of_the_pair_there():
+    """The comparisons began at the exponent of the first point, and the error was infinite. Reference: H = 12."""
+    found = []
+    for H, accuracy in ((6, 1e-5), (12, None)):
+        problem = hb.HarmonicBalance(stiffening(2.0), H)
+        curve = hb.trace(problem, "Omega", (1.6, 1.8), accuracy=accuracy)
+        held = hb.follow(curve, "NS1", "F", (2.0, 9.0), accuracy=accuracy)
+        assert held.warnings == ()
+        found.append([held[label] for label in ("RIV1", "RIII1")])
+    for point, exact in zip(*found, strict=True):
+        assert abs(point.parameters["F"] - exact.parameters["F"]) < 3 * point.error < 1e-6
 
 
 def test_the_doubled_branch_turns_over_at_a_generalised_period_doubling(tongue):

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from hbgear.continuation.augmented.minimally_augmented import AugmentedResidual,
 from hbgear.continuation.augmented.null_vectors import least_singular_vectors
 from hbgear.continuation.augmented.sensitivity import along
 from hbgear.continuation.numerics.linear import Factors, bordered, norm
+from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.problem.evaluation import AnyProblem
 from hbgear.continuation.problem.finite_differences import directional_step, parameter_derivatives
 from hbgear.continuation.solvers.newton import NoConvergence
@@ -29,8 +30,8 @@ from hbgear.mechanics.series.fourier import to_real
 
 
 @dataclass(frozen=True)
-class Rotation(Borders):
-    """Borders of a Neimark-Sacker point: borders of Hill's determinant, and the exponent near which it is zero."""
+class PairBorders(Borders):
+    """Borders of a Neimark-Sacker point: those of Hill's determinant, if it is used, and the exponent of the pair."""
 
     exponent: complex = 0j
 
@@ -60,6 +61,14 @@ class _PairProblem(MinimallyAugmentedProblem):
     def __init__(self, problem: AnyProblem, parameter: str = "", near: complex | None = None) -> None:
         super().__init__(problem, parameter)
         self._fixed(near=near)
+
+    def for_problem(self, problem: ContinuationProblem) -> Self:
+        """Return these equations for another problem, with the pair of the last borders.
+
+        Along a curve its exponent goes far away from the one with which the curve began.
+        """
+        near = self.base.exponent if isinstance(self.base, PairBorders) else self.near
+        return type(self)(problem, self.parameter, near)
 
 
 class NeimarkSackerProblem(_PairProblem):  # numpydoc ignore=PR02
@@ -109,16 +118,16 @@ class NeimarkSackerProblem(_PairProblem):  # numpydoc ignore=PR02
         s = self._guess(X, parameters) if self.near is None else self.near
         b, c = least_singular_vectors(hill.matrix(hill.receptances(s)[0], s), BORDER_ITERATIONS)
         pair = _exponent(hill, s, b, c, X, parameters)
-        return Rotation(size / hill.omega, _unit(pair.w), _unit(pair.v), pair.exponent)
+        return PairBorders(size / hill.omega, _unit(pair.w), _unit(pair.v), pair.exponent)
 
     def update_borders(self, base: Borders, X: Array, parameters: dict[str, float]) -> Borders:
         """Return the borders and the exponent updated at X; the same ones where the pair becomes real."""
-        assert isinstance(base, Rotation)
+        assert isinstance(base, PairBorders)
         try:
             pair = self._pair(self._hill(X, parameters), base, X, parameters)
         except NoConvergence:
             return base
-        return Rotation(base.weight, _unit(pair.w), _unit(pair.v), pair.exponent)
+        return PairBorders(base.weight, _unit(pair.w), _unit(pair.v), pair.exponent)
 
     def exponent(self, X: Array, **parameters: float) -> complex:
         """Return the exponent s at or near a Neimark-Sacker point; its second frequency is Im s."""
@@ -135,7 +144,7 @@ class NeimarkSackerProblem(_PairProblem):  # numpydoc ignore=PR02
         )
 
     def _pair(self, hill: CondensedHillMatrix, base: Borders, X: Array, parameters: dict[str, float]) -> _Pair:
-        assert isinstance(base, Rotation) and base.b is not None and base.c is not None
+        assert isinstance(base, PairBorders) and base.b is not None and base.c is not None
         pair = _exponent(hill, base.exponent, base.b, base.c, X, parameters)
         turns = 2 * pair.exponent.imag * self.problem.nu / parameters["Omega"]
         if (
@@ -219,13 +228,6 @@ class NeimarkSackerProblem(_PairProblem):  # numpydoc ignore=PR02
         return float(derivative)
 
 
-@dataclass(frozen=True)
-class PairMultiplier(Borders):
-    """Weight of the modulus of a Neimark-Sacker point, and the multiplier that is nearest to that of the pair."""
-
-    multiplier: complex = 1j
-
-
 class PairModulusProblem(_PairProblem):  # numpydoc ignore=PR02
     """Neimark-Sacker points (NS) from multipliers, for laws whose slopes Hill's determinant does not know.
 
@@ -267,33 +269,29 @@ class PairModulusProblem(_PairProblem):  # numpydoc ignore=PR02
     """
 
     def base_at(self, X: Array, parameters: dict[str, float]) -> Borders:
-        mu = self._multipliers(X, parameters)
         s = self.near
         if s is None:
+            mu = self._multipliers(X, parameters)
             s = _require_pair(exponent_of_pair(mu, self.problem.nu, parameters["Omega"]))
-        multiplier = complex(np.exp(2 * np.pi * self.problem.nu * s / parameters["Omega"]))
-        return PairMultiplier(self.problem.linearise(X, "", **parameters).size, multiplier=_nearest(mu, multiplier))
+        return PairBorders(self.problem.linearise(X, "", **parameters).size, exponent=s)
 
     def update_borders(self, base: Borders, X: Array, parameters: dict[str, float]) -> Borders:
-        """Return the borders with the multiplier at X."""
-        assert isinstance(base, PairMultiplier)
-        return replace(base, multiplier=_nearest(self._multipliers(X, parameters), base.multiplier))
+        """Return the borders with the exponent at X."""
+        mu = self._multiplier(X, parameters, base)
+        return PairBorders(base.weight, exponent=self._exponent(mu, parameters["Omega"]))
 
     def exponent(self, X: Array, **parameters: float) -> complex:
         """Return the exponent s at or near a Neimark-Sacker point; its second frequency is Im s."""
-        base = self.base or self.base_at(X, parameters)
-        assert isinstance(base, PairMultiplier)
-        mu = _nearest(self._multipliers(X, parameters), base.multiplier)
-        return complex(np.log(mu) * parameters["Omega"] / (2 * np.pi * self.problem.nu))
+        mu = self._multiplier(X, parameters, self.base or self.base_at(X, parameters))
+        return self._exponent(mu, parameters["Omega"])
 
     def extra(self, X: Array, parameters: dict[str, float], names: Sequence[str], base: Borders) -> AugmentedResidual:
         """Return the residual g and its derivatives; see `MinimallyAugmentedProblem.extra`."""
-        assert isinstance(base, PairMultiplier)
 
         def value(X: Array, changed: dict[str, float]) -> float:
-            return math.log(abs(_nearest(self._multipliers(X, changed), base.multiplier)))
+            return math.log(abs(self._multiplier(X, changed, base)))
 
-        mu = _nearest(self._multipliers(X, parameters), base.multiplier)
+        mu = self._multiplier(X, parameters, base)
         if abs(mu.imag) <= REAL_MULTIPLIER_TOLERANCE:
             raise NoConvergence("the pair of multipliers became real", X, parameters, [])
         evaluation, k = self.problem.linearise(X, self.parameter, **parameters), base.weight
@@ -315,17 +313,22 @@ class PairModulusProblem(_PairProblem):  # numpydoc ignore=PR02
             tuple((dR, derivative(dR, name)) for dR, name in changes),
         )  # fmt: skip
 
+    def _multiplier(self, X: Array, parameters: dict[str, float], base: Borders) -> complex:
+        """Return the multiplier nearest to that of the exponent of the borders."""
+        assert isinstance(base, PairBorders)
+        near = np.exp(2 * np.pi * self.problem.nu * base.exponent / parameters["Omega"])
+        mu = self._multipliers(X, parameters)
+        return complex(mu[np.argmin(np.abs(mu - near))])
+
+    def _exponent(self, mu: complex, Omega: float) -> complex:
+        return complex(np.log(mu) * Omega / (2 * np.pi * self.problem.nu))
+
     def _multipliers(self, X: Array, parameters: dict[str, float]) -> ComplexArray:
         return self.problem.multipliers(X, points=8, max_step=1.0, **parameters)
 
 
 MIN_CORRECTION = 1e-13
 """Step of Newton's method, relative to the motion, that is rounding: multipliers are not differentiated along it."""
-
-
-def _nearest(mu: ComplexArray, multiplier: complex) -> complex:
-    """Return the multiplier nearest to a given one."""
-    return complex(mu[np.argmin(np.abs(mu - multiplier))])
 
 
 def exponent_of_pair(mu: ComplexArray, nu: int, Omega: float) -> complex | None:

@@ -25,7 +25,7 @@ from hbgear.harmonic.autonomous.prescribed_amplitude import PrescribedAmplitude
 from hbgear.harmonic.autonomous.tori.basis import TorusBasis
 from hbgear.harmonic.autonomous.tori.layout import SECOND
 from hbgear.harmonic.autonomous.tori.problem import TorusProblem
-from hbgear.harmonic.bifurcations.neimark_sacker import NeimarkSackerProblem, Rotation
+from hbgear.harmonic.bifurcations.neimark_sacker import NeimarkSackerProblem, PairBorders
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.harmonic.multipliers.sampled_slopes import has_sampled_slopes
 from hbgear.mechanics.series.fourier import to_complex
@@ -137,7 +137,7 @@ def _disturbance(
             "laws: integrate the motion beyond the point by hb.time.integrate"
         )
     base = NeimarkSackerProblem(balance, name).base_at(X, parameters)
-    assert isinstance(base, Rotation) and base.c is not None
+    assert isinstance(base, PairBorders) and base.c is not None
     return base.c.reshape(2 * balance.H + 1, balance.m).T, float(base.exponent.imag)
 
 
