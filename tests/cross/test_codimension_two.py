@@ -253,6 +253,27 @@ def test_errors_far_along_a_curve_are_those_of_the_pair_there():
         assert abs(point.parameters["F"] - exact.parameters["F"]) < 3 * point.error < 1e-6
 
 
+@pytest.mark.slow
+def test_elements_with_one_direction_have_the_points_of_one_element():
+    @hb.mechanics.model
+    def split(F: float = 0.5) -> hb.System:
+        springs = [hb.Element([1.0], VanDerPol(EPS, 0.0), name="damper")]
+        springs += [hb.Element([1.0], VanDerPol(0.0, 0.05), name="spring")]
+        return hb.System([[1.0]], [[0.0]], [[1.0]], springs, hb.Load(cosine={1: [F]}))
+
+    points = []
+    for model in (split(), forced(0.5, 0.05)):
+        curve = hb.trace(hb.HarmonicBalance(model, 5), "Omega", (1.1, 1.2), accuracy=None)
+        held = hb.follow(curve, "NS1", "F", (0.5, 6.0), accuracy=None)
+        curve = hb.trace(hb.HarmonicBalance(model, 5), "Omega", (1.9, 1.97), at={"F": 4.5}, accuracy=None)
+        doublings = hb.follow(curve, "PD1", "F", (4.5, 3.6), accuracy=None)
+        points.append([(p.kind, p.parameters["F"], p.parameters["Omega"]) for p in (*held.special, *doublings.special)])
+    assert [kind for kind, _, _ in points[0]] == [kind for kind, _, _ in points[1]]
+    assert {"RIII", "RIV", "RII", "GPD"} <= {kind for kind, _, _ in points[0]}
+    ours, theirs = (np.array([place for _, *place in found]) for found in points)
+    np.testing.assert_allclose(ours, theirs, rtol=1e-8)
+
+
 def test_the_doubled_branch_turns_over_at_a_generalised_period_doubling(tongue):
     """Omega = Omega_PD + beta a^2 of the doubled branch with amplitude a: beta changes sign at the point.
 

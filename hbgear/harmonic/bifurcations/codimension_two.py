@@ -490,7 +490,7 @@ def events_of_codimension_two(curve: MinimallyAugmentedProblem) -> tuple[Event, 
     if isinstance(curve, PairModulusProblem):
         return ThirdResonanceEvent(), FourthResonanceEvent()
     has_slopes = balance.smooth and has_sampled_slopes(evaluator) and evaluator.structure.modes is not None
-    if not has_slopes or evaluator.structure.constrained:
+    if not has_slopes:
         return ()
     if isinstance(curve, PeriodDoublingProblem):
         return SecondResonanceEvent(), FoldOnFlipEvent(), GeneralisedDoublingEvent()
