@@ -254,6 +254,20 @@ def test_errors_far_along_a_curve_are_those_of_the_pair_there():
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("last", [1.3, 9.0])
+def test_long_steps_do_not_pass_the_end_of_neimark_sacker_points(last):
+    """From F = 1.172 to 1.18 the pair is real. Longer steps towards F = 9 reached the points beyond, without RI1."""
+    problem = hb.HarmonicBalance(stiffening(1.0, 0.3, 0.1), 12)
+    curve = hb.trace(problem, "Omega", (0.5, 0.8), accuracy=None)
+    held = hb.follow(curve, "NS1", "F", (1.0, last), accuracy=None)
+    end = held["RI1"].parameters
+    state = state_of(problem, problem.from_point(held["RI1"]), **end)
+    shot = hb.time.shoot(stiffening(end["F"], 0.3, 0.1), end["Omega"], state, tolerance=1e-12)
+    assert np.abs(shot.multipliers - 1).max() < 1e-3  # the square root of the error of a double multiplier
+    assert end["F"] == pytest.approx(1.171672145, abs=1e-8) and held.status is hb.Status.EVENT
+
+
+@pytest.mark.slow
 def test_elements_with_one_direction_have_the_points_of_one_element():
     @hb.mechanics.model
     def split(F: float = 0.5) -> hb.System:

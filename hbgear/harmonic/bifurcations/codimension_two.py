@@ -426,8 +426,23 @@ class RealPairEvent(CodimensionTwoEvent):
         self.on, self.codimension_one = on, equations
 
     def find(self, segment: Segment) -> list[LocatedEvent]:
-        """Return nothing: the curve cannot be continued beyond this point."""
-        return []
+        """Return the resonance that a step has passed: the pair is real on a part of the segment, not at its ends."""
+
+        def square(s: float) -> float:
+            return self._angle(segment, replace(segment.a, u=segment.guess(s), observed={})) ** 2
+
+        ends = square(0.0), square(1.0)
+        if min(ends) > MAX_PASSED_ANGLE**2:
+            return []
+        falls = [end - square(s) for end, s in zip(ends, (SLOPE_FRACTION, 1.0 - SLOPE_FRACTION), strict=True)]
+        if min(falls) <= 0:
+            return []
+        first, last = (SLOPE_FRACTION * end / fall for end, fall in zip(ends, falls, strict=True))
+        gap = 1.0 - first - last  # at one point of it a pair of a symmetric motion may pass -1 and stay complex
+        if gap <= 0 or any(square(first + part * gap) > 0 for part in (1 / 3, 2 / 3)):
+            return []
+        found = self._near(segment, segment.guess(first))
+        return [found] if found is not None and 0 <= found.s <= 1 else []
 
     def branch_direction(
         self, branch: Branch, point: SpecialPoint, side: int
@@ -445,7 +460,10 @@ class RealPairEvent(CodimensionTwoEvent):
         if not (after < before and after < MAX_END_ANGLE**2):
             return None
         s = before / (before - after)
-        u = segment.a.u + s * (segment.b.u - segment.a.u)
+        return self._near(segment, segment.a.u + s * (segment.b.u - segment.a.u))
+
+    def _near(self, segment: Segment, u: Array) -> LocatedEvent | None:
+        """Return the resonance near unknowns u; None if Newton's method finds no such point."""
         equations = self.equations(segment.problem, segment.name, None)
         try:
             solution = equations.located(u, segment.parameters_at(float(u[-1])))
@@ -475,6 +493,12 @@ class RealPairEvent(CodimensionTwoEvent):
 
 MAX_END_ANGLE = 0.3
 """Angle of the multipliers, from 0 or pi [rad], up to which the end of a Neimark-Sacker curve is searched."""
+
+MAX_PASSED_ANGLE = 1.0
+"""Angle of the multipliers, from 0 or pi [rad], from which a step may pass the end of a Neimark-Sacker curve."""
+
+SLOPE_FRACTION = 0.02
+"""Fraction of a segment over which the slope of the square of the angle is a difference."""
 
 MAX_END_SHIFT = 0.1
 """Scaled distance of the end of a Neimark-Sacker curve from its extrapolation, above which it is another point."""
