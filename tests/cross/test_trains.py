@@ -139,6 +139,34 @@ def test_phase_of_an_idler_by_turning_its_teeth(teeth, place, turn):
     assert difference == pytest.approx(0.0, abs=1e-9)
 
 
+def star(angle, teeth=(28, 36, 100), **kwargs):
+    """A pinion, two idlers at 0 and an angle [deg], and a ring, all with fixed axes."""
+    distance = 1.5e-3 * (teeth[0] + teeth[1])
+    places = {"a": 0.0, "b": radians(angle)}
+    wheels = [gear("sun", teeth[0], torque=1.0, x=0.1, y=-0.2), gear("ring", teeth[2], internal=True, x=0.1, y=-0.2)]
+    wheels += [
+        gear(name, teeth[1], x=0.1 + distance * cos(psi), y=-0.2 + distance * sin(psi)) for name, psi in places.items()
+    ]
+    meshes = [hb.gears.Mesh(*ends, 4e8) for ends in (("sun", "a"), ("a", "ring"), ("sun", "b"))]
+    return hb.gears.Train(wheels, [*meshes, hb.gears.Mesh("b", "ring", 4e8, **kwargs)], balance="ring")
+
+
+@pytest.mark.parametrize("teeth", [(28, 36, 100), (30, 20, 70), (21, 22, 65)])
+def test_wheels_in_a_loop_are_assembled_where_their_teeth_match(teeth):
+    """The angle between two idlers is a multiple of 360 / (z_s + z_r) degrees; the message names the nearest one."""
+    pitch = 360 / (teeth[0] + teeth[2])
+    step = round(120 / pitch)
+    for angle in (step * pitch, 180.0 + pitch * ((teeth[0] + teeth[2]) % 2) / 2):
+        star(angle, teeth)
+    star((step + 0.015) * pitch, teeth)  # rounded
+    for part in (0.03, 0.2, -0.4):
+        with pytest.raises(ValueError, match="closes a loop") as error:
+            star((step + part) * pitch, teeth)
+        assert f"teeth are {abs(part):.3g} pitches apart" in str(error.value)
+        assert f"place 'b' at {step * pitch:.6g} degrees about 'sun'" in str(error.value)
+    star((step + 0.4) * pitch, teeth, lag=0.3)  # the user knows better
+
+
 @pytest.mark.parametrize("x", [0.4, -0.3])
 def test_phases_of_shifted_gears(x):
     """Shifts x of an idler and -x of its mates: the teeth of the idler have the thickness m (pi/2 + 2 x tan alpha) on

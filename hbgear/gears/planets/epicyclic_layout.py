@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
@@ -97,7 +97,6 @@ class EpicyclicLayout(Model):
         counted("EpicyclicSet: planets", self.planets, 40)
         self._check_components()
         self._check_members()
-        self._check_assembly()
         self._check_period()
 
     # ---- checks
@@ -138,11 +137,11 @@ class EpicyclicLayout(Model):
         if not self.speeds[self.output]:
             raise ValueError(f"EpicyclicSet: with the {self.fixed} at rest the {self.output} does not turn")
 
-    def _check_assembly(self) -> None:
+    def _check_assembly(self, wheels: Sequence[Wheel], shafts: tuple[Shaft, ...], meshes: Sequence[Mesh]) -> None:
         """Raise an error if the teeth of a planet do not match the teeth of both gears that it meshes with."""
-        train = self.train
-        for mesh, mismatch in zip(train.meshes, phase_mismatch(train._by_name, train.meshes, train._kinematics),
-                                  strict=True):  # fmt: skip
+        by_name = {wheel.name: wheel for wheel in wheels}
+        mismatches = phase_mismatch(by_name, meshes, kinematics(by_name, shafts, meshes))
+        for mesh, mismatch in zip(meshes, mismatches, strict=True):
             if abs(mismatch) > PHASE_TOLERANCE:
                 raise ValueError(
                     f"EpicyclicSet: in the mesh {mesh.name} the teeth are {abs(mismatch):.3g} pitches apart, so that "
@@ -249,6 +248,7 @@ class EpicyclicLayout(Model):
             if drives != (mesh.first == outer):
                 meshes[j] = driven(mesh, by_name)
         self._orient(wheels, shafts, meshes)
+        self._check_assembly(wheels, shafts, meshes)
         return Train(
             tuple(wheels), tuple(meshes), shafts, backlash_scale=self.backlash_scale, eps_scale=self.eps_scale,
             e_scale=self.e_scale,

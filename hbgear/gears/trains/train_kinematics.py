@@ -134,7 +134,7 @@ def kinematics(
             f"simple ratio: over their common frequency they are {orders_text}; at most {MAX_ORDER:,} can be computed: "
             "give tooth counts with a simpler ratio, or fewer wheels with unbalance, torque orders or errors of teeth"
         )
-    angles = tuple(_angles(mesh, wheels) for mesh in meshes)
+    angles = tuple(mesh_angles(mesh, wheels) for mesh in meshes)
     push_signs, forces = _static_forces(wheels, groups, meshes, speeds)
     outer_signs = [-1 if wheels[mesh.first].internal else 1 for mesh in meshes]  # sign of the push of the first wheel
     turning = (push_signs[0] or 1) * outer_signs[0] * (-1 if backward else 1)
@@ -143,7 +143,7 @@ def kinematics(
     sides = ((push_signs[0] or 1), *(push or side for push, side in zip(push_signs[1:], forward[1:], strict=True)))
     backward_meshes = tuple(side != sign for side, sign in zip(sides, forward, strict=True))
     running = tuple(mesh.backward() if back else mesh for mesh, back in zip(meshes, backward_meshes, strict=True))
-    lags, start_angles = _lags(wheels, groups, running, signed, sides, angles)
+    lags, start_angles = mesh_lags(wheels, groups, running, signed, sides, angles)
     return Kinematics(signed, orders, ratio, sides, backward_meshes, running, lags, angles, start_angles, forces)
 
 
@@ -221,7 +221,7 @@ def _speeds(wheels: Mapping[str, Wheel], groups: Mapping[str, int], meshes: Sequ
     return {name: rotor_speeds.get(groups[name], Fraction(0)) for name in wheels}
 
 
-def _angles(mesh: Mesh, wheels: Mapping[str, Wheel]) -> tuple[float, float]:
+def mesh_angles(mesh: Mesh, wheels: Mapping[str, Wheel]) -> tuple[float, float]:
     """Return the pressure angle and the direction from the centre of the outer wheel to the pitch point."""
     a, b = inner_first(mesh, wheels)
     distance = hypot(b.x - a.x, b.y - a.y)
@@ -281,7 +281,7 @@ def _static_forces(
     return tuple(np.sign(forces).astype(int).tolist()), tuple(determinate)
 
 
-def _lags(
+def mesh_lags(
     wheels: Mapping[str, Wheel], groups: Mapping[str, int], meshes: Sequence[Mesh], speeds: Mapping[str, Fraction],
     sides: Sequence[int], angles: Sequence[tuple[float, float]],
 ) -> tuple[tuple[float, ...], dict[str, float]]:  # fmt: skip

@@ -16,6 +16,7 @@ from hbgear.common.arrays import Array
 from hbgear.common.ranges import Range
 from hbgear.common.text.messages import did_you_mean, quoted
 from hbgear.gears.mesh.mesh_excitation import check_contact_scale, parameters_of_meshes
+from hbgear.gears.trains.assembly import check_assembly
 from hbgear.gears.trains.beam import Beam
 from hbgear.gears.trains.housing import Housing
 from hbgear.gears.trains.train_components import WHEEL_COORDINATES, Bearing, Mesh, Shaft, Wheel, tooth_counts
@@ -89,6 +90,7 @@ class TrainLayout(Model):
         check_contact_scale("Train", self.eps_scale, [mesh.contacts for mesh in self.meshes])
         self._check_mesh_torques()
         self._check_drivers()
+        check_assembly(self._by_name, self.meshes, self._kinematics)
 
     @property
     def mesh_torques(self) -> dict[str, float | None]:
