@@ -350,6 +350,10 @@ def gear(name, teeth=20, **kwargs):
     return hb.gears.Wheel(name, 1e-3, teeth=teeth, base_radius=1.4e-3 * teeth, **kwargs)
 
 
+def spur_pair():
+    return hb.GearPair(*(hb.gears.Gear(z, "3 mm", "20 mm") for z in (25, 40)), backlash="80 um")
+
+
 MESH = hb.gears.Mesh("a", "b", 4e8, 4e-5, eps=(0.1,))
 
 
@@ -386,6 +390,9 @@ MESH = hb.gears.Mesh("a", "b", 4e8, 4e-5, eps=(0.1,))
         (lambda: hb.gears.Shaft("a", "a"), "name two wheels"),
         (lambda: hb.gears.Shaft.section("a", "b", 0.02, 0.1, 0.03), "smaller than outer"),
         (lambda: hb.gears.Mesh("a", "a", 1e8), "cannot mesh with itself"),
+        (lambda: hb.gears.Mesh.of("a", "b", spur_pair(), "-5 N m"), r"^Mesh\.of: torque = -5 N m must be positive"),
+        (lambda: hb.gears.Mesh.of("a", "b", spur_pair(), 0.0, mesh="secant"), r"^Mesh\.of: torque = 0 N m"),
+        (lambda: hb.gears.tooth_mesh(spur_pair(), -5.0), r"^tooth_mesh: torque = -5 N m must be positive"),
         (lambda: hb.gears.Mesh("a", "b", 1e8, e=(5.0,)), "give 5e-6 for 5 um"),
         (lambda: hb.gears.Mesh("a", "b", 1e8, half_backlash=1e-300), "must be 0 or at least 1e-15 m"),
         (lambda: hb.gears.Mesh("a", "b", 1e8, eps=(0.1,), stiffness=hb.mechanics.Series(1.0)), "keep one"),

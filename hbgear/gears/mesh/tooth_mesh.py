@@ -167,10 +167,9 @@ def tooth_mesh(pair: GearPair, torque: Any, *, slices: int | None = None) -> Too
     >>> f"{mesh.force:.4g}"
     '5676'
     """
-    torque = to_si("GearPair.model", "torque", torque, "N m")
+    torque = to_si("tooth_mesh", "torque", torque, "N m")
     if torque <= 0:
-        raise ValueError(f"GearPair.model: torque = {torque:g} N m must be positive: the mesh is computed under "
-                         "load, and a model without a mean torque needs torque orders")  # fmt: skip
+        raise ValueError(f"tooth_mesh: torque = {torque:g} N m must be positive: the mesh is computed under load")
     if slices is None:
         helical = max(MIN_HELICAL_SLICES, ceil(SLICES_PER_OVERLAP * pair.overlap_ratio)) if pair.overlap_ratio else 0
         slices = helical or (CROWNED_SLICES if pair.is_uneven else 1)
