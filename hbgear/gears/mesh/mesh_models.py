@@ -71,8 +71,8 @@ def mesh_model(
     errors of single teeth without pairs of teeth.
     """
     if torque <= 0:
-        raise ValueError(f"{owner}: torque = {torque:g} N m must be positive: the mesh is computed under this load, and "
-                         "the torques of the wheels state their signs")  # fmt: skip
+        raise ValueError(f"{owner}: torque = {torque:g} N m must be positive: the mesh is computed under this load; "
+                         "signs are those of the torques of the wheels")  # fmt: skip
     friction = checked_friction(owner, friction)
     if friction and (cycle is not None or mesh not in (None, "teeth")):
         source = "a cycle" if cycle is not None else f"mesh = {quoted(mesh)}"
