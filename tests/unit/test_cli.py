@@ -552,6 +552,15 @@ def test_the_map_and_the_critical_value_agree_in_every_digit(run):
     assert off <= int(units) * 1e-7 < 2 * off
 
 
+def test_jumps_outside_the_range_of_the_response_curves_are_marked(run):
+    """With falling damping a fold leaves the range in which folds were searched; the other one remains in it."""
+    line = ["map", "spur-pair", "--in", "zeta=0.08:0.13", "--seeds", 2, "--harmonics", 8, "--to", 0.9]
+    narrow, whole = (run(*line, "--from", first)[1] for first in (0.8, 0.5))
+    assert "leaves the range of the response curves, 0.8 to 0.9" in " ".join(narrow.split()) and "leaves" not in whole
+    marked = [row for row in narrow.splitlines() if " * " in row]
+    assert len(marked) == 1 and "decreasing" in marked[0]
+
+
 # ---- going on
 
 

@@ -93,6 +93,7 @@ def test_torus(folder):
                "1.13", "-o", f"{folder}/t.npz", "--plot", f"{folder}/t.png")  # fmt: skip
     assert done.exit_code == 0 and "Estimated relative error: response" in done.output, done.output
     saved = hb.load(folder / "t.npz")
+    assert ("no special points" in done.output) is not bool(saved.special)
     ratio = np.interp(1.12, saved.values, saved.tracked["Omega_2"]) / 1.12
     assert ratio == pytest.approx(0.08538421776875502, abs=1e-4)  # invariant circle
     assert (folder / "t.png").stat().st_size > 1000
@@ -101,6 +102,8 @@ def test_torus(folder):
                "-o", f"{folder}/longer.npz")  # fmt: skip
     assert done.exit_code == 0 and f"{len(saved)} points of {folder}/t.npz continued" in done.output, done.output
     assert hb.load(folder / "longer.npz").values[-1] == 1.14
+    done = run("torus", f"{folder}/t.npz", "--model", f"{folder}/models.py:masses", "--to", "1.27")
+    assert re.search(r"EP1.* 1\.2513?\d*.* joins the one it came from", " ".join(done.output.split())), done.output
 
 
 @pytest.mark.parametrize("end, expected", [("0.7", "all motions without dissipation are stable"), ("1", "0.78483")])

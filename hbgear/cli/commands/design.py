@@ -60,9 +60,11 @@ def map_command(
                             known=previous)  # fmt: skip
     digits = min((digits_of(fold, 6) for fold in jump_map.folds), default=6)
     axis = OmegaAxis.of_ends(jump_map.folds, jump_map.labels.get("Omega", ""), dimensionless)
+    low, high = min(frequencies), max(frequencies)
+    leaves = {id(arm) for arm in jump_map.arms if arm.Omega.min() < low or arm.Omega.max() > high}
     rows = [
         [f"{arm.values[0]:.{digits}g} to {arm.values[-1]:.{digits}g}",
-         " to ".join(axis.number(Omega, digits) for Omega in arm.Omega[[0, -1]]),
+         " to ".join(axis.number(Omega, digits) for Omega in arm.Omega[[0, -1]]) + " *" * (id(arm) in leaves),
          "increasing" if arm.direction > 0 else "decreasing"]
         for arm in sorted(jump_map.arms, key=lambda arm: arm.Omega.min())
     ]  # fmt: skip
@@ -83,6 +85,9 @@ def map_command(
         elif rows:
             headers = [parameter + (f" [{unit.strip()}]" if unit else ""), axis.name, "sweep"]
             print_table(headers, rows, "jump curves")
+        if leaves:
+            bounds = f"{axis.number(low, digits)} to {axis.number(high, digits)}"
+            print(f"* leaves the range of the response curves, {bounds}, outside of which no other jumps are searched")
         for cusp in jump_map.cusps:
             print(f"a jump vanishes at {parameter} = {text_at(cusp, parameter)}{unit}, {_frequency_text(cusp, axis)}")
         for point in (p for p in jump_map.special if p not in jump_map.cusps):

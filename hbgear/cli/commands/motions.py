@@ -10,7 +10,7 @@ import typer
 import hbgear as hb
 from hbgear.analysis.quantities.axis_quantities import Abscissa, OmegaAxis, Ordinate
 from hbgear.analysis.quantities.length_units import factor_of
-from hbgear.analysis.summary import reliability_lines
+from hbgear.analysis.summary import reliability_lines, special_table
 from hbgear.cli import complete as cli_complete
 from hbgear.cli import options
 from hbgear.cli.output import exit_code, print_table, print_text, show_branch, show_reliability
@@ -154,6 +154,10 @@ def torus(
         origin = f"{len(branch)} points of {file} continued" if is_torus_file else f"tori from {label} of {file}"
         print(f"{origin}: {len(tori)} points; {tori.message}")
         _show_frequencies(tori, "Omega_2", measure, element, dimensionless)
+        if tori.special:
+            print_table(*special_table(tori, measure, element, dimensionless), "special points")
+        else:
+            print("no special points")
         for line in reliability_lines(tori, dimensionless):
             print_text(line)
     raise typer.Exit(exit_code(tori))
