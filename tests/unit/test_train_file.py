@@ -599,7 +599,7 @@ def test_bad_files(file, old, new, said):
 
 def test_figure_of_a_train(file):
     ax = hb.plot.train(read_train(file))
-    assert [text.get_text() for text in ax.texts] == ["in\n25 teeth", "middle\n30 teeth", "flange", "out\n40 teeth"]
+    assert [text.get_text() for text in ax.texts] == ["in, 25 teeth\nflange", "middle\n30 teeth", "out\n40 teeth"]
     assert {str(line.get_gid()) for line in ax.lines} >= {"mesh in-middle", "mesh middle-out", "shaft"}
     assert "order 1, lag 0 cycles" in ax.get_legend().get_texts()[1].get_text()
 

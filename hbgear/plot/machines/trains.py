@@ -71,6 +71,7 @@ def train(machine: Train, ax: Axes | None = None) -> Axes:
             _bearing(ax, machine, bearing, centres[bearing.at] - [0.0, 0.12 * 1e3 * size[bearing.at]])
         for name, wheel in wheels.items():
             _wheel(ax, wheel, centres[name], size[name], float(motion.speeds[name]))
+        _names(ax, wheels, centres, size)
         ax.set_aspect("equal")
         ax.set_xlabel("x [mm]")
         ax.set_ylabel("y [mm]")
@@ -241,7 +242,7 @@ def _bearing(ax: Axes, machine: Train, bearing: Any, centre: np.ndarray) -> None
 
 
 def _wheel(ax: Axes, wheel: Any, centre: np.ndarray, size: float, speed: float) -> None:
-    """Draw a circle with the name, the number of teeth and an arrow of the sense of rotation."""
+    """Draw a circle with an arrow of the sense of rotation."""
     from matplotlib.patches import Circle
 
     r = 1e3 * size
@@ -249,13 +250,24 @@ def _wheel(ax: Axes, wheel: Any, centre: np.ndarray, size: float, speed: float) 
     style: Any = {"linestyle": "-" if wheel.teeth else "--", "linewidth": 2.2 if wheel.internal else 1.2}
     ax.add_patch(Circle(tuple(centre), r, fill=False, edgecolor=colour, zorder=2, **style))
     ax.plot(*centre, "+", color="black", markersize=5)
-    text = f"{wheel.name}\n{wheel.teeth} teeth" if wheel.teeth else wheel.name
-    ring = wheel.internal
-    ax.annotate(text, (centre[0], centre[1] + (0.78 * r if ring else 0.12 * r)), ha="center", va="bottom", fontsize=8)
     if wheel.unbalance:
         position = centre + 0.7 * r * np.array([np.cos(wheel.unbalance_angle), np.sin(wheel.unbalance_angle)])
         ax.plot(*position[:, None], "o", color="black", markersize=4, label="unbalance")
-    _arrow(ax, centre, _ARROW_RADIUS_RATIO * r if not ring else 0.94 * r, speed)
+    _arrow(ax, centre, _ARROW_RADIUS_RATIO * r if not wheel.internal else 0.94 * r, speed)
+
+
+def _names(ax: Axes, wheels: dict[str, Any], centres: dict[str, np.ndarray], size: dict[str, float]) -> None:
+    """Write names and numbers of teeth: of a ring above it, of wheels on a common axis one below the other."""
+    coaxial: dict[tuple[bool, float, float], list[str]] = {}
+    for name, wheel in wheels.items():
+        x, y = np.round(centres[name], 6).tolist()
+        coaxial.setdefault((wheel.internal, x, y), []).append(name)
+    for (internal, x, y), names in coaxial.items():
+        joint = ", " if internal or len(names) > 1 else "\n"
+        texts = [f"{name}{joint}{wheels[name].teeth} teeth" if wheels[name].teeth else name for name in names]
+        radii = [1e3 * size[name] for name in names]
+        height = 1.02 * max(radii) if internal else 0.12 * min(radii)
+        ax.annotate("\n".join(texts), (x, y + height), ha="center", va="bottom", fontsize=8)
 
 
 def _arrow(ax: Axes, centre: np.ndarray, r: float, speed: float, angle: float = -1.8, extent: float = 1.2) -> None:
