@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from hbgear.common.process.compiling import inlined, kernel
+from hbgear.common.process.compiling import kernel
 from hbgear.harmonic.forces.switching_times import (
     CELL_PARTS,
     PHASE_TOLERANCE,
@@ -400,6 +400,9 @@ def spans(
     row, repeats = piecewise.integral_offsets[spring], piecewise.repeats[spring]
     segments = (last - first) // repeats
     part_row = row + segments
+    roots = np.empty(repeats, np.complex128)
+    for n in range(repeats):
+        roots[n] = complex(math.cos(2 * math.pi * n / repeats), -math.sin(2 * math.pi * n / repeats))
     for n in range(A.shape[0]):
         A[n] = B[n] = 0j
     if above:
@@ -408,10 +411,7 @@ def spans(
     for j in range(count):
         i = segment_of(piecewise.spring_starts, first, last, theta[j])
         part, segment = (i - first) // segments, (i - first) % segments
-        for n in range(length):
-            turned, before = _part_factors(n, part, repeats)
-            A[n] -= sign[j] * (turned * sums[row + segment, 0, n] + before * sums[part_row, 0, n])
-            B[n] -= sign[j] * (turned * sums[row + segment, 1, n] + before * sums[part_row, 1, n])
+        _add_integrals(sums[part_row], sums[row + segment], roots, part, -sign[j], length, A, B)
         _add_moments(
             piecewise.stiffness[i], piecewise.spring_starts[i], theta[j] - piecewise.spring_starts[i], -sign[j], A, ends
         )
@@ -424,21 +424,21 @@ def spans(
     return True
 
 
-@inlined
-def _part_factors(n: int, part: int, repeats: int) -> tuple[complex, complex]:
-    """Return the factors of the integrals G_n of a function that repeats in the period, for parts before a phase.
+@kernel
+def _add_integrals(whole: Any, partial: Any, roots: Any, part: int, factor: float, length: int, A: Any, B: Any) -> None:
+    """Add factor times the integrals G_n of k and k w to A and B, for functions that repeat in the period.
 
-    With the width w = 2 pi / repeats of a part, int_0^(part w + x) f exp(-i n y) dy = exp(-i n part w) G_n(x) +
-    sum_{r < part} exp(-i n r w) G_n(w).
+    With the width w = 2 pi / R of a part, G_n(part w + x) = exp(-i n part w) G_n(x) + sum_{r < part} exp(-i n r w)
+    G_n(w). ``whole`` holds G_n(w), ``partial`` G_n(x), and roots (R,) exp(-i n w).
     """
-    if part == 0:
-        return 1.0 + 0j, 0j
-    if n % repeats == 0:
-        return 1.0 + 0j, complex(part, 0.0)
-    angle = 2 * math.pi * (((n % repeats) * part) % repeats) / repeats
-    step = 2 * math.pi * (n % repeats) / repeats
-    turned = complex(math.cos(angle), -math.sin(angle))
-    return turned, (1.0 - turned) / (1.0 - complex(math.cos(step), -math.sin(step)))
+    repeats, p, q = roots.shape[0], 0, 0  # n and n part, modulo R
+    for n in range(length):
+        turned, before, gap = roots[q], complex(part, 0.0), 1.0 - roots[p]
+        if p > 0:
+            before = (1.0 - turned) * gap.conjugate() / (gap.real * gap.real + gap.imag * gap.imag)
+        A[n] += factor * (turned * partial[0, n] + before * whole[0, n])
+        B[n] += factor * (turned * partial[1, n] + before * whole[1, n])
+        p, q = (p + 1) % repeats, (q + part) % repeats
 
 
 @kernel
@@ -552,6 +552,9 @@ def _add_moments(coefficients: Any, start: float, width: float, factor: float, o
             derivatives_end[q] = derivatives_end[q] * width + falling_factorial * coefficients[k]
             if k == q:
                 derivatives_start[q] = falling_factorial * coefficients[k]
+    phase = gauss_count * start, gauss_count * (start + width)
+    z, z_end = complex(math.cos(start), -math.sin(start)), complex(math.cos(start + width), -math.sin(start + width))
+    wave, wave_end = complex(math.cos(phase[0]), -math.sin(phase[0])), complex(math.cos(phase[1]), -math.sin(phase[1]))
     for n in range(gauss_count, out.shape[0]):
         power, begin, end = complex(0.0, -1.0 / n), 0j, 0j
         inverse = power
@@ -559,5 +562,5 @@ def _add_moments(coefficients: Any, start: float, width: float, factor: float, o
             begin += power * derivatives_start[q]
             end += power * derivatives_end[q]
             power *= inverse
-        a, b = n * start, n * (start + width)
-        out[n] += factor * (begin * complex(math.cos(a), -math.sin(a)) - end * complex(math.cos(b), -math.sin(b)))
+        out[n] += factor * (begin * wave - end * wave_end)
+        wave, wave_end = wave * z, wave_end * z_end
