@@ -7,6 +7,7 @@ from the same physical model; the folds of the spur pair were enclosed in interv
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -181,6 +182,45 @@ def test_coefficients_are_those_of_the_harmonic_balance() -> None:
     X = X - np.linalg.solve(solved[1], solved[0])
     np.testing.assert_allclose(Y, X, atol=1e-6)
     assert np.abs(X).max() > 0.5 and np.abs(X[1::2][2:6]).max() > 1e-3
+
+
+@pytest.mark.parametrize("switches", [2, 4])
+def test_coefficients_are_integrals_of_the_flow(curve: hb.Branch, switches: int) -> None:
+    """Quadrature of the closed form of each segment, with 200 nodes in a segment, for one and two contacts."""
+    count = [len(state.pattern.switches) for state in curve.problem.known_states.states]
+    points = np.flatnonzero(np.array(count) == switches)
+    point = points[len(points) // 2]
+    X, Omega, k, H = curve.X[point], float(curve.values[point]), 1e3, curve.problem.H
+    motion = curve.problem.exact_motion(X, Omega=Omega)
+    assert len(motion.instants) == switches
+    c = np.zeros(H + 1, dtype=complex)
+    for i, begin in enumerate(motion.instants):
+        end = np.append(motion.instants, motion.instants[0] + math.tau)[i + 1]
+        closed = motion.switches[i].sign > 0
+        stiffness, level = 1.0 + closed * k, closed * k * 0.5
+        particular = 0.3 / complex(stiffness - Omega**2, 0.1 * Omega)
+        s = np.roots([Omega**2, 0.1 * Omega, stiffness])
+        q, v = 0.5, _velocity(curve.problem, motion, i)
+        wave = np.exp(1j * begin)
+        free = np.array([q - (particular * wave).real - level / stiffness, v - (1j * particular * wave).real])
+        a = np.linalg.solve(np.array([[1.0, 1.0], s]), free)
+        x, w = np.polynomial.legendre.leggauss(200)
+        tau, w = begin + (end - begin) * 0.5 * (1 + x), 0.5 * (end - begin) * w
+        d = (particular * np.exp(1j * tau)).real + level / stiffness + (a @ np.exp(np.outer(s, tau - begin))).real
+        c += np.exp(-1j * np.outer(np.arange(H + 1), tau)) @ (w * d) / math.tau
+    expected = np.concatenate([[c[0].real], np.array([2 * c[1:].real, -2 * c[1:].imag]).T.ravel()])
+    np.testing.assert_allclose(X, expected, atol=1e-12)
+
+
+def _velocity(problem: hb.ContactInstants, motion: Any, i: int) -> float:
+    """Return dq/dtau at a contact instant: the second state in its units."""
+    reduce = problem.compiled({}).contact_equations.fixed.reduce
+    return float(np.linalg.solve(reduce, motion.states[i])[1] / motion.Omega)
+
+
+def test_points_are_predicted_by_their_predecessors(curve: hb.Branch) -> None:
+    """A tangent needs 3.5 iterations of the corrector, polynomials through the last points 2.8."""
+    assert curve.iterations[1:].mean() < 3.1
 
 
 def test_doubled_branch_joins_at_the_second_doubling(curve: hb.Branch) -> None:

@@ -79,14 +79,19 @@ def state_near(problem: Any, X: Array, name: str, parameters: Mapping[str, float
 def first_curve(
     problem: Any, span: tuple[float, float], settings: Any, either_end: bool
 ) -> tuple[Branch, tuple[float, float]]:
-    """Return a curve and its span: from either end if ``either_end``, else from a motion of softer contacts."""
+    """Return a curve and its span: from either end if ``either_end``, also from motions of softer contacts.
+
+    Contacts that harmonics do not resolve at the begin of a span of falling frequency are not resolved at its end.
+    """
     failure: NoConvergence | None = None
-    for softer in (False, True):
-        for ends in (span, span[::-1]) if either_end else (span,):
-            try:
-                return problem.traced_curve(ends, None, settings, softer), ends
-            except NoConvergence as error:
-                failure = failure or error
+    attempts = [(softer, ends) for softer in (False, True) for ends in ((span, span[::-1]) if either_end else (span,))]
+    if settings.parameter == "Omega" and span[0] > span[1]:
+        attempts.sort(key=lambda attempt: attempt[1] is not span)
+    for softer, ends in attempts:
+        try:
+            return problem.traced_curve(ends, None, settings, softer), ends
+        except NoConvergence as error:
+            failure = failure or error
     assert failure is not None
     raise failure
 

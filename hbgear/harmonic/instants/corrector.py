@@ -203,8 +203,8 @@ def step_factor(state: CurveState, step: Array, period: float) -> float:
     pattern, phases = state.pattern, state.phase_steps(step)
     if not pattern.visits:
         return 1.0
-    duration = state.iterate.visit_durations(pattern.visits, period)
-    i, j = np.array(pattern.visits).T
+    duration = state.iterate.visit_durations(pattern.visit_ends, period)
+    i, j = pattern.visit_ends.T
     loss = (phases[i] - phases[j]) / np.maximum(MAX_SEGMENT_LOSS * np.abs(duration), np.finfo(float).tiny)
     return float(1.0 / max(1.0, loss.max()))
 

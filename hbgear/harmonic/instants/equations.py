@@ -92,6 +92,7 @@ class Equations:
         self.system, self.nu, self.m, self.stiffness = system, nu, len(system.elements), stiffness
         self.breakpoints = tuple(element.law.breakpoints for element in system.elements)
         self._displacements: dict[int, Array] = {}
+        self._bounds: dict[tuple[Contacts, ...], Array] = {}
         self._springs: dict[tuple[int, int], tuple[tuple[Phased, float, float], ...]] = {}
         self.constant_flows: dict[Contacts, Flow | None] = {}
         self.constant_matrices: dict[tuple[Contacts, ...], Array | None] = {}  # of flows at Omega = 1
@@ -133,13 +134,19 @@ class Equations:
 
     def functions(self, tau: Array, sections: Sequence[int]) -> Array:
         """Return c (K, count) at phases tau (K,), each in its section."""
-        out, d = np.ones((len(tau), self.count)), self.degree
+        return self.fill_functions(tau, sections, np.empty((len(tau), self.count)))
+
+    def fill_functions(self, tau: Array, sections: Sequence[int], out: Array) -> Array:
+        """Set ``out`` (K, count) to `functions`, and return it."""
+        d = self.degree
+        out[:, 0] = 1.0
         if d:
             s = (tau - self.starts[list(sections)] + math.pi) % TURN - math.pi
             s = np.where(s < -1e-9, s + TURN, s)
             out[:, 1 : d + 1] = s[:, None] ** np.arange(1, d + 1)
         angles = np.multiply.outer(tau, self._orders)
-        out[:, d + 1 :: 2], out[:, d + 2 :: 2] = np.cos(angles), np.sin(angles)
+        np.cos(angles, out=out[:, d + 1 :: 2])
+        np.sin(angles, out=out[:, d + 2 :: 2])
         return out
 
     @cached_property
@@ -176,11 +183,16 @@ class Equations:
                     row[1 + self.degree + 2 * i :][:2] = c[2 * order - 1 : 2 * order + 1]
         return E
 
-    def bounds(self, levels: tuple[int, ...]) -> Array:
-        """Return the breakpoints (m, 2) below and above each gap; -inf or inf without one."""
-        extended = [(-math.inf, *points, math.inf) for points in self.breakpoints]
-        pairs = [points[level : level + 2] for points, level in zip(extended, levels, strict=True)]
-        return np.array(pairs, dtype=float)
+    def bounds(self, contacts: tuple[Contacts, ...]) -> Array:
+        """Return the breakpoints (K, m, 2) below and above each gap in segments; -inf or inf without one."""
+        bounds = self._bounds.get(contacts)
+        if bounds is None:
+            extended = [(-math.inf, *points, math.inf) for points in self.breakpoints]
+            bounds = self._bounds[contacts] = np.array([
+                [points[level : level + 2] for points, level in zip(extended, segment.levels, strict=True)]
+                for segment in contacts
+            ], dtype=float)  # fmt: skip
+        return bounds
 
     def at(self, Omega: float) -> EquationsAt:
         """Return the equations at a frequency of the excitation."""
@@ -273,7 +285,10 @@ class EquationsAt:
 
     def extended_states(self, x: Array, tau: Array, sections: Sequence[int]) -> Array:
         """Return y (K, N) of states x (K, r) at phases tau (K,), each in its section."""
-        return np.concatenate([x, self.equations.functions(tau, sections)], axis=1)
+        y = np.empty((len(x), self.size + self.equations.count))
+        y[:, : self.size] = x
+        self.equations.fill_functions(tau, sections, y[:, self.size :])
+        return y
 
     def gaps(self, section: int) -> Array:
         """Return the rows (m, N) that map y to the gaps of all elements."""

@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from itertools import pairwise
+from itertools import pairwise, takewhile
 from typing import NamedTuple
 
 import numpy as np
@@ -70,6 +70,9 @@ STEP_GROWTH = 2.0
 MAX_CORRECTION, ROUNDING_OF_POINTS = 0.5, 1e-9
 """Largest distance of a point from its prediction, over the step, and what rounding adds to it: a tangent that turns
 by 18 degrees needs a correction of .16."""
+
+PREDICTOR_POINTS = 3
+"""Largest number of points whose polynomial predicts the next one."""
 
 FAST_ITERATIONS = 6
 """Number of corrector iterations up to which the step grows."""
@@ -225,7 +228,7 @@ class Follower:
 
     def _next_point(self, last: ExactPoint, length: float) -> _Step:
         """Return the point at a distance from the last one, with the switches in the order of their phases."""
-        guess = last.state.with_z(last.state.z + length * last.tangent * last.scale)
+        guess = _predicted(self.curve.points, length)
         point = exact_point(self.family, guess, last.tangent, last.scale, last.tangent)
         ode = self.family(point.state.value)
         exchanges = exchanges_of(point.state, ode.period, SIMULTANEOUS_SWITCHES * ode.period)
@@ -277,8 +280,8 @@ class Follower:
 
     def _limited_length(self, last: ExactPoint, length: float) -> float:
         """Return the length of a step in which no contact loses too much of its duration."""
-        visits = last.state.pattern.visits
-        if not visits:
+        visits = last.state.pattern.visit_ends
+        if not len(visits):
             return length
         period = self.family(last.state.value).period
         ahead = last.state.with_z(last.state.z + length * last.tangent * last.scale)
@@ -334,10 +337,10 @@ class Follower:
 
     def _vanishing_contacts(self, point: ExactPoint) -> list[Visit]:
         """Return the contacts that vanish along the curve."""
-        period, visits = self.family(point.state.value).period, point.state.pattern.visits
+        period, pattern = self.family(point.state.value).period, point.state.pattern
         ahead = point.state.with_z(point.state.z + 1e-3 * point.tangent * point.scale)
-        before, after = (state.iterate.visit_durations(visits, period) for state in (point.state, ahead))
-        short = [(visit, a) for visit, a, b in zip(visits, before, after, strict=True)
+        before, after = (state.iterate.visit_durations(pattern.visit_ends, period) for state in (point.state, ahead))
+        short = [(visit, a) for visit, a, b in zip(pattern.visits, before, after, strict=True)
                  if a < SIMULTANEOUS_DURATION * period and b < a]  # fmt: skip
         limit = GRAZING_DURATION * period if len(short) == 1 else math.inf
         return [visit for visit, a in short if a < limit]
@@ -418,6 +421,19 @@ class Follower:
         elif _is_closed(curve):
             curve.status, curve.message = Status.CLOSED, f"the curve closed after {len(curve.points)} points"
         return bool(curve.message)
+
+
+def _predicted(points: list[ExactPoint], length: float) -> CurveState:
+    """Return the state at a distance from the last of some points, on the polynomial through those of its pattern."""
+    from hbgear.continuation.stepping.kernels import predict
+
+    last = points[-1]
+    recent = takewhile(lambda point: point.state.pattern == last.state.pattern, points[: -1 - PREDICTOR_POINTS : -1])
+    smooth = [(point.state.z, point.tangent * point.scale) for point in recent]
+    u, t = np.array(smooth).transpose(1, 0, 2).copy()
+    predicted = np.empty(len(last.scale))
+    predict(u, t, len(smooth), last.scale, length, predicted)
+    return last.state.with_z(predicted)
 
 
 def _first_point(family: Family, state: CurveState, normal: Array, scale: Array, orientation: Array) -> ExactPoint:

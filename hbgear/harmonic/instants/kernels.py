@@ -24,6 +24,10 @@ from hbgear.continuation.numerics.gauss_kernels import add_product
 EXPONENTIAL_ORDER = 14
 """Order of the series of the exponential; the norm of its argument is at most 1/2: (1/2)^15 / 15! = 2e-17."""
 
+NODES_ORDER, NEGLIGIBLE_TERM = 36, 1e-20
+"""Largest order of the series at nodes of panels, in which the fastest mode turns by 3 rad: 3^37 / 37! = 3e-26, and the
+size of two successive terms, over the first one, at which it ends. States of different size add their ratio."""
+
 SLOPE_ORDER = 18
 """Order of the series of the derivative of Z / h, for |A h| up to 1: 1 / 20! = 4e-19."""
 
@@ -36,33 +40,66 @@ ROUNDING_OF_GAPS = 1e-15
 
 
 @kernel
-def _exponentials(A: Any, h: float, fractions: Any, powers: Any, Z: Any) -> None:
-    """Compute Z (G, N, N) after fractions (G,) of a duration h; it is nan if a power of A h is not finite.
+def _exponential(A: Any, h: float, powers: Any, work: Any, Z: Any) -> None:
+    """Compute Z (N, N) after a duration h; it is nan if a power of A h is not finite.
 
-    X^k / k!, in powers (EXPONENTIAL_ORDER + 1, N, N), is shared by all fractions. The truncation error is bounded by
-    norms of the fourth and fifth power, which states of different size affect less than the norm of X.
+        Z = X sum_k X^k / (k + 1)! = X (B_0 + X^4 (B_1 + X^4 (B_2 + X^4 B_3)))        B_j of degree 3 in X
+
+    Results are powers X, ..., X^4 in powers (4, N, N), and work (N, N). The truncation error is bounded by norms of the
+    fourth and fifth power, which states of different size affect less than the norm of X.
     """
-    powers[1] = A
-    powers[1] *= h
-    for k in range(2, EXPONENTIAL_ORDER + 1):
-        _multiply(powers[1], powers[k - 1], powers[k])
-        powers[k] /= k
-    size = max((24 * _norm(powers[4])) ** 0.25, (120 * _norm(powers[5])) ** 0.2)
-    if not math.isfinite(_norm(powers[EXPONENTIAL_ORDER])):
+    N = A.shape[0]
+    for i in range(N):
+        for j in range(N):
+            powers[0, i, j] = h * A[i, j]
+    for k in range(1, 4):
+        _multiply(powers[0], powers[k - 1], powers[k])
+    _multiply(powers[0], powers[3], work)
+    size = max(_norm(powers[3]) ** 0.25, _norm(work) ** 0.2)
+    if not math.isfinite(size):
         Z[:] = np.nan
         return
-    for g in range(fractions.shape[0]):
-        halvings = max(0, math.frexp(size * fractions[g])[1] + 1)
-        scaled = fractions[g] * 0.5**halvings
-        Z[g] = powers[EXPONENTIAL_ORDER]
-        for k in range(EXPONENTIAL_ORDER - 1, 0, -1):
-            Z[g] *= scaled
-            Z[g] += powers[k]
-        Z[g] *= scaled
-        for _ in range(halvings):
-            powers[0] = Z[g]
-            Z[g] *= 2.0
-            add_product(powers[0], powers[0], 1.0, Z[g])
+    halvings = max(0, math.frexp(size)[1] + 1)
+    for k in range(4):
+        factor = 0.5 ** (halvings * (k + 1))
+        for i in range(N):
+            for j in range(N):
+                powers[k, i, j] *= factor
+    Z[:] = 0.0
+    for first in range(EXPONENTIAL_ORDER - EXPONENTIAL_ORDER % 4, -1, -4):
+        if first + 4 <= EXPONENTIAL_ORDER:
+            for i in range(N):
+                for j in range(N):
+                    work[i, j] = Z[i, j]
+            _multiply(powers[3], work, Z)
+        _add_block(powers, first, Z)
+    for i in range(N):
+        for j in range(N):
+            work[i, j] = Z[i, j]
+    _multiply(powers[0], work, Z)
+    for _ in range(halvings):
+        for i in range(N):
+            for j in range(N):
+                work[i, j] = Z[i, j]
+                Z[i, j] *= 2.0
+        add_product(work, work, 1.0, Z)
+
+
+@kernel
+def _add_block(powers: Any, first: int, out: Any) -> None:
+    """Add the terms X^k / (k + 1)! / X^first of degree first to first + 3, below `EXPONENTIAL_ORDER`, to ``out``."""
+    factor = 1.0
+    for k in range(2, first + 2):
+        factor /= k
+    for k in range(min(4, EXPONENTIAL_ORDER - first)):
+        if k > 0:
+            factor /= first + k + 1
+        for i in range(out.shape[0]):
+            if k == 0:
+                out[i, i] += factor
+                continue
+            for j in range(out.shape[0]):
+                out[i, j] += factor * powers[k - 1, i, j]
 
 
 @kernel
@@ -183,11 +220,11 @@ def constant_segments(A: Any, h: Any, y: Any) -> Any:
         Z (K, N, N), change, begin, end and slope (K, N).
     """
     K, N = y.shape
-    Z, powers, fraction = np.empty((K, N, N)), np.empty((EXPONENTIAL_ORDER + 1, N, N)), np.ones(1)
+    Z, powers, square = np.empty((K, N, N)), np.empty((4, N, N)), np.empty((N, N))
     change, begin, end, slope = np.empty((K, N)), np.empty((K, N)), np.empty((K, N)), np.empty((K, N))
     work, total = np.empty(N), np.empty(N)
     for k in range(K):
-        _exponentials(A[k], h[k], fraction, powers, Z[k : k + 1])
+        _exponential(A[k], h[k], powers, square, Z[k])
         _apply(Z[k], y[k], change[k])
         _apply(A[k], y[k], begin[k])
         _apply(A[k], y[k] + change[k], end[k])
@@ -388,22 +425,59 @@ def gaps_along(A: Any, y: Any, rows: Any, h: Any, counts: Any, offsets: Any) -> 
     for k in range(K):
         P += counts[k]
     gaps, slopes, p = np.empty((P, G, m)), np.empty((P, G, m)), 0
-    state, change, node, rate = np.empty(N), np.empty(N), np.empty(N), np.empty(N)
-    fractions, powers, Z = np.append(offsets, 1.0), np.empty((EXPONENTIAL_ORDER + 1, N, N)), np.empty((G + 1, N, N))
+    state, change, Z = np.empty(N), np.empty(N), np.empty((N, N))
+    powers, square, along = np.empty((4, N, N)), np.empty((N, N)), np.empty((G, 2 * m, N))
+    terms = np.empty((NODES_ORDER + 1, 2 * m, N))
     for k in range(K):
-        _exponentials(A[k], h[k], fractions, powers, Z)
+        _exponential(A[k], h[k], powers, square, Z)
+        _rows_along(A[k], h[k], rows[k], offsets, terms, along)
         state[:] = y[k]
         for _ in range(counts[k]):
             for g in range(G):
-                _apply(Z[g], state, change)
-                node[:] = state + change
-                _apply(A[k], node, rate)
                 for j in range(m):
-                    gaps[p, g, j], slopes[p, g, j] = _dot(rows[k, j], node), _dot(rows[k, j], rate)
-            _apply(Z[G], state, change)
+                    gaps[p, g, j], slopes[p, g, j] = _dot(along[g, j], state), _dot(along[g, m + j], state)
+            _apply(Z, state, change)
             state += change
             p += 1
     return gaps, slopes
+
+
+@kernel
+def _rows_along(A: Any, h: float, rows: Any, offsets: Any, terms: Any, out: Any) -> None:
+    """Compute rows (m, N) and their products with A after fractions ``offsets`` (G,) of a panel in out (G, 2 m, N).
+
+    row e^(A h x) = sum_k x^k row (A h)^k / k!
+    """
+    m, N = rows.shape
+    terms[0, :m] = rows
+    _multiply(rows, A, terms[0, m:])
+    order, small, largest = 0, 0, _largest(terms[0])
+    while order < NODES_ORDER and small < 2 and offsets[offsets.shape[0] - 1] > 0:
+        order += 1
+        _multiply(terms[order - 1], A, terms[order])
+        for i in range(2 * m):
+            for j in range(N):
+                terms[order, i, j] *= h / order
+        small = small + 1 if _largest(terms[order]) <= NEGLIGIBLE_TERM * largest else 0
+    for g in range(offsets.shape[0]):
+        x = offsets[g]
+        for i in range(2 * m):
+            for j in range(N):
+                out[g, i, j] = terms[order, i, j]
+        for k in range(order - 1, -1, -1):
+            for i in range(2 * m):
+                for j in range(N):
+                    out[g, i, j] = out[g, i, j] * x + terms[k, i, j]
+
+
+@kernel
+def _largest(A: Any) -> float:
+    """Return the largest modulus of an entry."""
+    largest = 0.0
+    for i in range(A.shape[0]):
+        for j in range(A.shape[1]):
+            largest = max(largest, abs(A[i, j]))
+    return largest
 
 
 @kernel

@@ -94,6 +94,11 @@ class Pattern:
                      if self.switches[i].opposite(self.switches[group[(n + 1) % len(group)]]))  # fmt: skip
 
     @cached_property
+    def visit_ends(self) -> Array:
+        """First and last switch (V, 2) of each visit."""
+        return np.array(self.visits, dtype=np.int64).reshape(-1, 2)
+
+    @cached_property
     def sections(self) -> list[int]:
         """Section (K,) of each segment."""
         return [contacts.section for contacts in self.contacts]

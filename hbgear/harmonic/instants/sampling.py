@@ -39,8 +39,9 @@ SAME_INSTANT = 1e-14
 GAUSS_NODES, GAUSS_WEIGHTS = np.polynomial.legendre.leggauss(12)
 """Nodes and weights of the Gauss-Legendre rule of 12 points on [-1, 1], exact for polynomials of degree 23."""
 
-PANEL_ANGLE = 3.0
-"""Largest angle by which a mode or a harmonic turns in a panel; 12 nodes integrate 2 * 3 rad to 1e-15."""
+PANEL_ANGLE = 6.0
+"""Largest angle by which the product of two modes, or of a mode and a harmonic, turns in a panel; 12 nodes integrate it
+to 1e-15."""
 
 
 class MissedCrossing(NamedTuple):
@@ -72,8 +73,7 @@ def sample_gaps(ode: EquationsAt, iterate: Iterate) -> tuple[Samples, list[Misse
     ))  # fmt: skip
     step = np.concatenate([np.arange(count + 1) for count in steps])
     tau = np.repeat(iterate.tau, steps + 1) + np.repeat(durations / steps, steps + 1) * step
-    bounds = np.array([ode.equations.bounds(segment.levels) for segment in contacts])
-    missed = []
+    bounds, missed = ode.equations.bounds(contacts), []
     crossings = kernels.unexpected_crossings(tau, gaps, slopes, steps + 1, bounds, CROSSING_ROUNDING)
     for k, j, side, begin, end in crossings.tolist():
         level = contacts[int(k)].levels[int(j)]
@@ -123,7 +123,7 @@ def _nodes(ode: EquationsAt, iterate: Iterate, highest: float) -> tuple[Array, A
     segments = np.flatnonzero(durations > 0)
     flows = [ode.flow(iterate.pattern.contacts[i]) for i in segments]
     panels = np.array([
-        max(1, math.ceil(d * max(flow.rate, highest) / PANEL_ANGLE), taylor_steps(flow, d))
+        max(1, math.ceil(d * max(flow.rate + highest, 2 * flow.rate) / PANEL_ANGLE), taylor_steps(flow, d))
         for d, flow in zip(durations[segments].tolist(), flows, strict=True)
     ])  # fmt: skip
     h, offsets = durations[segments] / panels, 0.5 * (1 + GAUSS_NODES)

@@ -55,9 +55,9 @@ class Iterate:
         out[-1] = self.tau[0] + period - self.tau[-1]
         return out
 
-    def visit_durations(self, visits: Sequence[Visit], period: float) -> Array:
+    def visit_durations(self, visits: Sequence[Visit] | Array, period: float) -> Array:
         """Return the durations of visits (i, j) from switch i to switch j."""
-        i, j = np.array(visits, dtype=np.int64).reshape(-1, 2).T
+        i, j = np.asarray(visits, dtype=np.int64).reshape(-1, 2).T
         return self.tau[j] - self.tau[i] + period * (j < i)
 
     def without(self, visits: Sequence[Visit]) -> Iterate:

@@ -74,10 +74,10 @@ class ExactPoint:
     @cached_property
     def polynomial(self) -> Array:
         """Characteristic polynomial of the leading multipliers, highest power first."""
-        polynomial = np.ones(1, dtype=complex)
-        for mu in self.multipliers[:LEADING_MULTIPLIERS]:
-            polynomial = np.append(polynomial, 0.0) - mu * np.append(0.0, polynomial)
-        return polynomial.real
+        polynomial = [1.0 + 0.0j]
+        for mu in self.multipliers[:LEADING_MULTIPLIERS].tolist():
+            polynomial = [a - mu * b for a, b in zip([*polynomial, 0.0], [0.0, *polynomial], strict=True)]
+        return np.array(polynomial).real
 
 
 SpecialExactPoint = tuple[str, float, ExactPoint]

@@ -48,6 +48,9 @@ MAX_GRAZING_ITERATIONS = 15
 GRAZING_TOLERANCE = 1e-9
 """Scaled size of the last Newton step of a grazing point."""
 
+GRAZING_ROUNDING = 1e-6
+"""Scaled size of a Newton step below which the next one may be larger by rounding."""
+
 SIMULTANEOUS_DISTANCE = 1e-9
 """Distance, over the size of the gap's motion, up to which other contacts graze at the same point."""
 
@@ -134,10 +137,10 @@ def locate_grazing(family: Family, state: CurveState, contacts: Sequence[Grazing
     Raises
     ------
     NoConvergence
-        If Newton's method does not converge, or the switches are not in the order of their phases at the point.
+        If Newton's method does not converge, or the switches are not in the order of their phases at the point. A step
+        that is larger than the one before ends it: from the guesses that converge, all steps become smaller.
     """
-    grazing = contacts[0]
-    scales = np.append(scale, 1.0)
+    grazing, scales, last_size = contacts[0], np.append(scale, 1.0), 10.0
     for _ in range(MAX_GRAZING_ITERATIONS):
         linearised, J = jacobian(family, state)
         value, grazing_rows = _equations(family, state, grazing)
@@ -149,8 +152,9 @@ def locate_grazing(family: Family, state: CurveState, contacts: Sequence[Grazing
         except np.linalg.LinAlgError:
             break
         size = float(np.abs(step / scales).max())
-        if not np.isfinite(size) or size > 10:
+        if not size <= max(last_size, GRAZING_ROUNDING):
             break
+        last_size = size
         state, grazing = state.with_z(state.z + step[:-1]), grazing._replace(t=grazing.t + float(step[-1]))
         if size <= GRAZING_TOLERANCE:
             _require_order(family, state)
