@@ -54,7 +54,10 @@ STEPS_ALONG_CURVE = 2
 """Number of steps from a refined motion to the parameter value of its point; one is too long on the steepest curves."""
 
 MAX_CORRECTION = 0.05
-"""Distance of a motion from its prediction by the tangent, relative to its size, up to which it lies on the curve."""
+"""Distance of a motion from its prediction, relative to its size, up to which it lies on the curve.
+
+The motion is predicted by the tangent, or by the one with fewer harmonics.
+"""
 
 
 def largest_modulus(mu: ComplexArray) -> Any:
@@ -188,18 +191,36 @@ class UndecidedPoint:
             finer = self._finer(problem)
             if finer is None:
                 break
+            coarse = largest_modulus(stability.multipliers)
             try:
-                X, values[self.name] = nearest_solution(finer, finer.resized(X), self.name, values)
+                X, values[self.name], stability = self._near(finer, finer.resized(X), values)
             except SEARCH_ERRORS:
                 break
-            X, values[self.name] = self._at_fixed_parameter(finer, X, values[self.name])
-            problem, coarse = finer, largest_modulus(stability.multipliers)
-            stability = self._at(problem, X, values)
+            problem = finer
             change = REFINED_ERROR_RATIO * abs(float(largest_modulus(stability.multipliers) - coarse))
             stability = stability._replace(error=max(stability.error, change))
             if stability.determined:
                 break
         return stability
+
+    def _near(self, problem: Any, guess: Array, parameters: Mapping[str, float]) -> tuple[Array, float, Stability]:
+        """Return a motion next to a guess with its parameter value and its stability.
+
+        Newton's method at the parameter value of the point takes half as long as steps of least norm from the guess.
+        Next to a fold it may fail, or lead to the motion on the other side.
+        """
+        if self.expected:
+            try:
+                X = solve(problem, guess, dict(self.parameters)).X
+                if norm(X - guess) <= MAX_CORRECTION * problem.solution_norm(X):
+                    stability = self._at(problem, X, self.parameters)
+                    if stability.consistent:
+                        return X, self.parameters[self.name], stability
+            except SEARCH_ERRORS:
+                pass
+        X, value = nearest_solution(problem, guess, self.name, parameters)
+        X, value = self._at_fixed_parameter(problem, X, value)
+        return X, value, self._at(problem, X, {**self.parameters, self.name: value})
 
     def _at(self, problem: Any, X: Array, parameters: Mapping[str, float]) -> Stability:
         """Return the multipliers of one motion with their error, and whether both determinants agree with them."""
