@@ -161,6 +161,33 @@ def test_modes_much_faster_than_the_springs(k, varying):
     assert np.sort(np.abs(expected))[-4] > 0.3
 
 
+@pytest.mark.slow
+def test_more_elements_than_coordinates():
+    """Two coordinates with four elements: displacements and forces of two determine the others."""
+    rng = np.random.default_rng(3)
+    directions = rng.standard_normal((4, 2))
+    elements = [Element(w, Cubic(0.2, k)) for w, k in zip(directions, (0.5, 0.8, 1.1, 1.4), strict=True)]
+    M, C, K = np.array([[1.0, 0.2], [0.2, 0.7]]), 0.05 * np.eye(2), np.array([[1.2, -0.4], [-0.4, 0.9]])
+    system = System(M, C, K, elements, Load(cosine={1: [0.6, 0.3]}))
+    problem, X = motion(system, 0.9, H=12)
+    compiled, Omega = problem.compiled({}), np.array([0.9])
+    assert len(compiled.stability_modes().coupled.modes.base.output) == 2
+    rows = X.reshape(4, -1)
+
+    def rate(t, y):
+        d = evaluate(rows, np.array([0.9 * t]))[:, 0]
+        slopes = [e.law.force(d[j : j + 1], 0 * d[:1], 0 * d[:1])[1][0] for j, e in enumerate(elements)]
+        total = K + sum(k * np.outer(w, w) for k, w in zip(slopes, directions, strict=True))
+        return (state_matrix(M, C, total) @ y.reshape(4, 4)).ravel()
+
+    flow = scipy.integrate.solve_ivp(
+        rate, (0, 2 * np.pi / 0.9), np.eye(4).ravel(), method="DOP853", rtol=1e-12, atol=1e-12
+    )
+    expected = np.linalg.eigvals(flow.y[:, -1].reshape(4, 4))
+    found = floquet_multipliers(compiled, X[None], Omega)[0]
+    assert np.abs(found[:, None] - expected).min(axis=1).max() < 1e-9
+
+
 @pytest.mark.parametrize("k", [2.0, 200.0])
 def test_exact_flows_of_friction_are_the_limit_of_short_steps(k):
     problem = HarmonicBalance(beam(Jenkins(k, 0.1), 5), 24)
@@ -194,7 +221,7 @@ def test_exact_flow_is_that_of_the_matrix_exponential(rng):
             for scale, shape in ((1.0, (g, q)), (0.01, (q, g)))
         )
         rest, D, pull = rng.standard_normal((g, g)) / 10, rng.standard_normal(g), rng.standard_normal((g, columns))
-        modes = SymmetricPair(poles, output, input_, np.arange(g), rest)
+        modes = SymmetricPair.of(poles, output, input_, np.arange(g), rest)
         C, B = np.hstack([output.real, -output.imag]), np.vstack([input_.real, input_.imag])
         turn = np.block([[np.diag(poles.real), -np.diag(poles.imag)], [np.diag(poles.imag), np.diag(poles.real)]])
         ports = np.linalg.inv(np.eye(g) + D[:, None] * rest)

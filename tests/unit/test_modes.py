@@ -9,7 +9,7 @@ from hbgear.harmonic.equations.motion import with_driven_harmonics
 from hbgear.harmonic.multipliers import floquet
 from hbgear.harmonic.multipliers.floquet import floquet_multipliers
 from hbgear.harmonic.structure.linear_structure import LinearStructure
-from hbgear.harmonic.structure.modes import _lumped
+from hbgear.harmonic.structure.modes import SymmetricPair, _lumped
 from hbgear.mechanics import Parallel
 
 
@@ -215,3 +215,15 @@ def test_elements_of_one_law_on_different_springs_are_not_identical(laws):
     roots = -damping / 2 + 1j * np.sqrt(stiffness - damping**2 / 4)
     mu = np.exp(2 * np.pi / Omega * np.append(roots, roots.conj()))
     same(found, mu[None])
+
+
+def test_ports_are_combinations_of_independent_ports():
+    rng = np.random.default_rng(4)
+    measure, action = rng.standard_normal((6, 3)), rng.standard_normal((2, 6))
+    output, input_ = measure @ rng.standard_normal((3, 4)) * (1 + 0.5j), rng.standard_normal((4, 2)) @ action * (1 - 2j)
+    flexibility = measure @ rng.standard_normal((3, 2)) @ action
+    base = SymmetricPair.of(-np.arange(1.0, 5.0) + 1j, output, input_, np.arange(6), flexibility).base
+    assert base.output.shape == (3, 4) and base.input.shape == (4, 2)
+    np.testing.assert_allclose(base.measure @ base.output, output, atol=1e-13)
+    np.testing.assert_allclose(base.input @ base.action, input_, atol=1e-13)
+    np.testing.assert_allclose(base.measure @ base.flexibility @ base.action, flexibility, atol=1e-12)

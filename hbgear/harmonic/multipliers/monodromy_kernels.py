@@ -29,7 +29,7 @@ from hbgear.harmonic.forces.piecewise_kernels import fill_gap, fill_phases, size
 from hbgear.harmonic.forces.projection_kernels import cross, projection_workspace
 from hbgear.harmonic.forces.slider_kernels import OPEN, STICK, insert_events, interval_at, sticks_at
 from hbgear.harmonic.multipliers.constant_flow import apply_flow, fill_displacements, fill_flow, flow_workspace
-from hbgear.harmonic.multipliers.phi_functions import moments
+from hbgear.harmonic.multipliers.phi_functions import fill_step_matrices, moments
 from hbgear.harmonic.multipliers.stiffness_kernels import (
     MODULATION_SAMPLES,
     add_stiffness,
@@ -42,8 +42,9 @@ from hbgear.harmonic.multipliers.stiffness_kernels import (
 class MonodromyWorkspace(NamedTuple):
     """Preallocated arrays for the integration of the variational equation of a motion over one period.
 
-    A period has T Gauss points: s in each of its steps. The model has g ports and q modes, and the matrices have r
-    columns. The number of orders is 1, or 2 if dp/dv is not zero.
+    A period has T Gauss points: s in each of its steps. The model has g ports and q modes, the displacements of c ports
+    and the forces of b ports are independent, and the matrices have r columns. The number of orders is 1, or 2 if dp/dv
+    is not zero.
 
     Attributes
     ----------
@@ -63,12 +64,12 @@ class MonodromyWorkspace(NamedTuple):
         Response of the modes in a step, see `hbgear.harmonic.multipliers.phi_functions.moments`.
     weighted_output : ndarray, shape (q,)
         Output of the modes at one port.
-    A, R, B : ndarray, shapes (orders, s g, s g), (orders, s g, 2q) and (2q, s g)
-        Matrices of a step, see `_fill_step_matrices`.
-    M, DR, u : ndarray, shapes (s g, s g + r), (s g, 2q) and (s g, r)
-        System of equations of a step, D R, and the solution u, see `_solve_collocation`.
-    memory, forces : ndarray, shapes (Q, r) and (g, r)
-        Disturbances of the sliders, and their constant forces k y in a step.
+    A, R, B : ndarray, shapes (orders, s c, s b), (orders, s c, 2q) and (2q, s b)
+        Matrices of a step, see `fill_step_matrices`.
+    M, DR, u : ndarray, shapes (s b, s b + r), (s b, 2q) and (s b, r)
+        System of equations of a step, S R, and the solution u, see `_solve_collocation`.
+    memory, forces, base_forces : ndarray, shapes (Q, r), (g, r) and (b, r)
+        Disturbances of the sliders, and their constant forces k y in a step, on all and on the independent ports.
     stuck : ndarray, shape (Q,)
         Whether each slider sticks.
     flow : FlowWorkspace
@@ -92,6 +93,7 @@ class MonodromyWorkspace(NamedTuple):
     u: Array
     memory: Array
     forces: Array
+    base_forces: Array
     stuck: np.ndarray
     flow: Any
 
@@ -100,13 +102,15 @@ class MonodromyWorkspace(NamedTuple):
 def monodromy_workspace(modes: Any, size: int, s: int, steps: Any, orders: int, number: Any) -> Any:
     """Return a `MonodromyWorkspace` for ``size`` columns, ``steps`` steps of s points and a ``number`` of sliders."""
     g, q, T = modes.output.shape[0], modes.poles.shape[0], steps * s
+    c, b = s * modes.base.output.shape[0], modes.base.input.shape[1]
     return MonodromyWorkspace(
         np.empty((3, T)), np.empty(T), np.empty((6, T)), np.empty((orders, steps, s, g)),
         np.empty(s + 1), np.empty((2 * q, size)),
         np.empty((s + 1, q), np.complex128), np.empty((s + 2, (s + 1) * q), np.complex128), np.empty(q, np.complex128),
-        np.empty((orders, s * g, s * g)), np.empty((orders, s * g, 2 * q)), np.empty((2 * q, s * g)),
-        np.empty((s * g, s * g + size)), np.empty((s * g, 2 * q)), np.empty((s * g, size)),
-        np.empty((number, size)), np.zeros((g, size)), np.empty(number, np.bool_), flow_workspace(g, q, size),
+        np.empty((orders, c, s * b)), np.empty((orders, c, 2 * q)), np.empty((2 * q, s * b)),
+        np.empty((s * b, s * b + size)), np.empty((s * b, 2 * q)), np.empty((s * b, size)),
+        np.empty((number, size)), np.zeros((g, size)), np.empty((b, size)), np.empty(number, np.bool_),
+        flow_workspace(g, q, size),
     )  # fmt: skip
 
 
@@ -323,7 +327,7 @@ def _end_memory(
             out[r + i, n] = factor * workspace.memory[i, n]
 
 
-@inlined
+@kernel
 def monodromy(
     sliders: Any, slides: Any, modes: Any, segments: Any, count: int, omega: float, x: Any, L: Any, exact: Any,
     workspace: Any, out: Any,
@@ -352,12 +356,14 @@ def monodromy(
             fill_flow(modes, workspace.D[0, step, 0], workspace.forces, segments[i, 1] / omega, workspace.flow)
         else:
             moments(modes.poles, segments[i, 1] / omega, ends, turns, workspace.moments)
-            _fill_step_matrices(modes, L, workspace)
+            fill_step_matrices(modes, L, workspace)
+            workspace.base_forces[:, :] = 0.0
+            add_product(modes.base.action, workspace.forces, 1.0, workspace.base_forces)
         for _ in range(int(segments[i, 2])):
             if exact:
                 apply_flow(workspace.flow, state)
             else:
-                _solve_collocation(workspace, step)
+                _solve_collocation(modes.base, workspace, step)
                 _propagate(turns[s], state)
                 add_product(workspace.B, workspace.u, -1.0, state)
             step += 1
@@ -375,79 +381,33 @@ def monodromy(
 
 
 @kernel
-def _fill_step_matrices(modes: Any, L: Any, workspace: Any) -> None:
-    """Compute A, R and B of a step from `moments`; rows and columns are Gauss points and ports, modes in real numbers.
+def _solve_collocation(base: Any, workspace: Any, step: int) -> None:
+    """Solve (1 + S A) u = S R z_0 - k y of a step, with S = action D measure at each Gauss point.
 
-    The modes are summed before the monomials are combined to Lagrange polynomials, at a fraction of the cost.
+    u are the forces of the independent ports. M holds [1 + S A  S R z_0 - k y] and ``DR`` the product S R.
     """
-    turns, work, w, A, R, B = (
-        workspace.turns,
-        workspace.moments,
-        workspace.weighted_output,
-        workspace.A,
-        workspace.R,
-        workspace.B,
-    )
-    s, g, q, orders = turns.shape[0] - 1, modes.output.shape[0], modes.poles.shape[0], A.shape[0]
-    A[:, :, :] = 0.0
-    for o in range(orders):
-        for p in range(g):
-            for k in range(q):
-                w[k] = modes.output[p, k] * (modes.poles[k] if o else 1.0)
-            for i in range(s):
-                for k in range(q):
-                    observed = w[k] * turns[i, k]
-                    R[o, i * g + p, k], R[o, i * g + p, q + k] = observed.real, -observed.imag
-            for e in range(g):
-                _add_observed_output(w, modes.input[:, e], work, L, A[o, p::g, e::g])
-                if o == 0:
-                    for i in range(s):
-                        A[0, i * g + p, i * g + e] += modes.flexibility[p, e]
-    for j in range(s):
-        for k in range(q):
-            z = 0j
-            for n in range(s):
-                z += L[j, n] * work[n + 1, s * q + k]
-            for p in range(g):
-                excited = z * modes.input[k, p]
-                B[k, j * g + p], B[q + k, j * g + p] = excited.real, excited.imag
-
-
-@kernel
-def _add_observed_output(output: Any, excited: Any, work: Any, L: Any, out: Any) -> None:
-    """Add the output of a port at the Gauss points (s, s), excited by Lagrange polynomials at another port."""
-    s, q = L.shape[0], output.shape[0]
-    for n in range(s):
-        for i in range(s):
-            real = imaginary = 0.0
-            for k in range(q):
-                product, z = output[k] * excited[k], work[n + 1, i * q + k]
-                real += product.real * z.real
-                imaginary += product.imag * z.imag
-            for j in range(s):
-                out[i, j] += (real - imaginary) * L[j, n]
-
-
-@inlined
-def _solve_collocation(workspace: Any, step: int) -> None:
-    """Solve (1 + D A) u = D R z_0 - k y of a step; M holds [1 + D A  D R z_0 - k y] and ``DR`` the product D R."""
     D, A, R, M, DR, u = workspace.D, workspace.A, workspace.R, workspace.M, workspace.DR, workspace.u
-    forces = workspace.forces
-    n, g = u.shape[0], D.shape[3]
+    measure, action = base.measure, base.action
+    n, b, c = u.shape[0], action.shape[0], measure.shape[1]
+    M[:, :n], DR[:, :], u[:, :] = 0.0, 0.0, 0.0
     for i in range(n):
+        point, force = i // b, i % b
         for o in range(D.shape[0]):
-            d = D[o, step, i // g, i % g]
-            for j in range(n):
-                M[i, j] = d * A[o, i, j] + (M[i, j] if o else 0.0)
-            for j in range(DR.shape[1]):
-                DR[i, j] = d * R[o, i, j] + (DR[i, j] if o else 0.0)
+            for e in range(c):
+                slope = 0.0
+                for p in range(action.shape[1]):
+                    slope += action[force, p] * D[o, step, point, p] * measure[p, e]
+                if slope != 0.0:  # the sum is empty for most pairs if all ports are independent
+                    row, observed = A[o, point * c + e], R[o, point * c + e]
+                    for j in range(n):
+                        M[i, j] += slope * row[j]
+                    for j in range(DR.shape[1]):
+                        DR[i, j] += slope * observed[j]
         M[i, i] += 1.0
-        for j in range(u.shape[1]):
-            u[i, j] = 0.0
     add_product(DR, workspace.state, 1.0, u)
     for i in range(n):
         for j in range(u.shape[1]):
-            M[i, n + j] = u[i, j] - forces[i % g, j]
+            M[i, n + j] = u[i, j] - workspace.base_forces[i % b, j]
     solve_in_place(M)
     for i in range(n):
         for j in range(u.shape[1]):
@@ -558,7 +518,10 @@ PRODUCTS_PER_EXPONENTIAL = 35
 
 @kernel
 def _exact_is_faster(segments: int, steps: float, s: int, g: int, q: int, columns: int) -> bool:
-    """Return whether exact flows take fewer operations than collocation with s points, for q modes and g ports."""
+    """Return whether exact flows take fewer operations than collocation.
+
+    The collocation has s points, q modes and g independent ports.
+    """
     m, n = s * g, 2 * q
     exact = segments * PRODUCTS_PER_EXPONENTIAL * 2 * n**3
     step = m**3 // 2 + 2 * m * columns * (m + 2 * n)
@@ -597,7 +560,7 @@ def monodromies(
             order = modulation_order(packed, coefficients, space.waves, 1.0 / (2 * x.shape[0] + 1))
             longest = limit_step_by_order(longest, order, turn, max_steps)
         exact = constant and _exact_is_faster(
-            typical, 2 * math.pi / longest, x.shape[0], modes.ports.shape[0], modes.poles.shape[0], size
+            typical, 2 * math.pi / longest, x.shape[0], modes.base.input.shape[1], modes.poles.shape[0], size
         )
         if exact:
             x, L, longest = schemes[3][0], schemes[3][1], 2 * math.pi

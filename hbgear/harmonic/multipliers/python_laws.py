@@ -117,10 +117,10 @@ def _with_coupled_ports(block: ModalBlock, compiled: Evaluator) -> ModalBlock:
         return block
     modes, g = block.modes, len(block.modes.ports)
     force, displacement = np.concatenate([np.column_stack([np.arange(g)] * 2), pairs]).T
-    extended = SymmetricPair(
-        modes.poles, np.ascontiguousarray(modes.output[displacement]), np.ascontiguousarray(modes.input[:, force]),
+    extended = SymmetricPair.of(
+        modes.poles, modes.output[displacement], modes.input[:, force],
         np.concatenate([modes.ports, np.full(len(pairs), -1, dtype=np.int64)]),
-        np.ascontiguousarray(modes.flexibility[np.ix_(displacement, force)]),
+        modes.flexibility[np.ix_(displacement, force)],
     )  # fmt: skip
     return ModalBlock(extended, block.size)
 

@@ -30,6 +30,30 @@ import scipy
 from hbgear.common.arrays import Array, ComplexArray
 
 
+class IndependentPorts(NamedTuple):
+    """Ports of which all displacements and forces are combinations: fewer where there are more elements than modes.
+
+    Attributes
+    ----------
+    output : ndarray, shape (c, q)
+        Displacements of c ports in the modes, linearly independent.
+    input : ndarray, shape (q, b)
+        Excitation of the modes by forces at b ports, linearly independent.
+    flexibility : ndarray, shape (c, b)
+        Residual flexibility of these ports.
+    measure : ndarray, shape (g, c)
+        Displacements of all ports from those of the independent ones.
+    action : ndarray, shape (b, g)
+        Forces at the independent ports that act like those at all ports.
+    """
+
+    output: ComplexArray
+    input: ComplexArray
+    flexibility: Array
+    measure: Array
+    action: Array
+
+
 class SymmetricPair(NamedTuple):
     """Modes for kernels: one of each conjugate pair, the complex pairs before the real modes.
 
@@ -46,6 +70,8 @@ class SymmetricPair(NamedTuple):
         Number of the element whose stiffness acts at each port.
     flexibility : ndarray, shape (g, g)
         Residual flexibility of the modes that are left out.
+    base : IndependentPorts
+        Ports of which the others are combinations.
     """
 
     poles: ComplexArray
@@ -53,6 +79,21 @@ class SymmetricPair(NamedTuple):
     input: ComplexArray
     ports: np.ndarray
     flexibility: Array
+    base: IndependentPorts
+
+    @classmethod
+    def of(
+        cls, poles: ComplexArray, output: ComplexArray, input_: ComplexArray, ports: np.ndarray, flexibility: Array
+    ) -> SymmetricPair:
+        """Return modes with their independent ports."""
+        measuring, measure = _independent_rows(np.hstack([output.real, output.imag, flexibility]))
+        acting, action = _independent_rows(np.hstack([input_.real.T, input_.imag.T, flexibility.T]))
+        base = IndependentPorts(
+            np.ascontiguousarray(output[measuring]), np.ascontiguousarray(input_[:, acting]),
+            np.ascontiguousarray(flexibility[np.ix_(measuring, acting)]), measure, np.ascontiguousarray(action.T),
+        )  # fmt: skip
+        arrays = np.ascontiguousarray(output), np.ascontiguousarray(input_)
+        return cls(poles, *arrays, np.asarray(ports, dtype=np.int64), np.ascontiguousarray(flexibility), base)
 
 
 class ModalBlock(NamedTuple):
@@ -109,6 +150,9 @@ _REAL_POLE_TOLERANCE = 1e-13
 
 _BLOCK_COUPLING_TOLERANCE = 1e-11
 """Relative part of the flexibility up to which two ports count as uncoupled (rounding)."""
+
+_DEPENDENCE_TOLERANCE = 1e-12
+"""Part of a port that is no combination of others, relative to the port, up to which it is rounding."""
 
 _MOMENT_SYMMETRY_TOLERANCE = 1e-10
 """Relative asymmetry or negative eigenvalue of the moments g_j up to which they count as rounding."""
@@ -292,8 +336,17 @@ def _block_of(
     out[:, :k] *= 2.0
     for x in (lam[k:], out[:, k:], force[k:]):
         x.imag = 0.0
-    modes = SymmetricPair(
-        lam, np.ascontiguousarray(out), np.ascontiguousarray(force), np.asarray(ports, dtype=np.int64),
-        np.ascontiguousarray(flexibility),
-    )  # fmt: skip
-    return ModalBlock(modes, 2 * k + len(reals))
+    return ModalBlock(SymmetricPair.of(lam, out, force, ports, flexibility), 2 * k + len(reals))
+
+
+def _independent_rows(A: Array) -> tuple[np.ndarray, Array]:
+    """Return the numbers (c,) of independent rows of A (g, n), at least one, and T (g, c) with A = T A[rows]."""
+    size = np.linalg.norm(A, axis=1)
+    scaled = A / np.where(size > 0, size, 1.0)[:, None]
+    R, order = scipy.linalg.qr(scaled.T, mode="r", pivoting=True)
+    rank = max(int(np.count_nonzero(np.abs(np.diag(R)) > _DEPENDENCE_TOLERANCE)), 1)
+    rows, others = np.sort(order[:rank]), np.sort(order[rank:])
+    T = np.zeros((len(A), rank))
+    T[rows] = np.eye(rank)
+    T[others] = np.linalg.lstsq(scaled[rows].T, scaled[others].T, rcond=None)[0].T * size[others, None] / size[rows]
+    return rows, T
