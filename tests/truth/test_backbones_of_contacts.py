@@ -184,6 +184,16 @@ def test_backbones_of_an_isotropic_rotor_are_forward_and_backward_whirl(mode):
     np.testing.assert_allclose(2 * D * W**2, c * W + {1: 1, 2: -1}[mode] * mu * contact, atol=1e-10)
 
 
+def test_the_whirl_of_a_rotor_with_static_weight_ends_at_the_first_contact():
+    """Contact on one side leaves no circular whirl: a curve of ellipses that touch the hole went on without end."""
+    seal = hb.mechanics.VectorElement(np.eye(2), hb.mechanics.RadialClearance(4.0, 1.0))
+    rotor = hb.System(np.eye(2), 0.02 * np.eye(2), np.eye(2), list(seal), hb.Load([0.0, -0.3], {1: [0.1, 0.0]}))
+    curve = hb.analysis.backbone(rotor, 1, (0.1, 3.0), harmonics=3)
+    assert curve.status is hb.Status.EVENT and "the whirl ends at the first contact" in curve.message
+    assert curve["GR1"].parameters["amplitude"] == pytest.approx(0.7, rel=1e-9)  # clearance less static deflection
+    assert 0 < curve["WL1"].parameters["amplitude"] - 0.7 < 2e-3
+
+
 def test_modes_of_equal_frequency_are_counted():
     """Two uncoupled equal masses have two modes; a frequency counted once was refused."""
     masses = [hb.Element(row, hb.Cubic(1.0)) for row in np.eye(2)]

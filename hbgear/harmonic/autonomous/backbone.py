@@ -32,6 +32,7 @@ from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.problem.evaluation import Evaluation
 from hbgear.continuation.problem.finite_differences import parameter_derivatives
 from hbgear.continuation.results.point import Point
+from hbgear.continuation.results.status import Status
 from hbgear.continuation.solvers.newton import NoConvergence, solve
 from hbgear.continuation.tracing.trace import trace
 from hbgear.harmonic.autonomous.modes import STATIC_FREQUENCY, LinearMode, linear_mode
@@ -54,6 +55,32 @@ _SMALLEST_DAMPING_SCALE = 1e-2
 
 AMPLITUDE = "amplitude"
 """Name of the continuation parameter of a backbone: rms of the alternating part of all elements together."""
+
+
+MAX_OTHER_WHIRL = 1e-3
+"""Other whirl relative to the motion, from which a backbone of an isotropic rotor is no longer one of whirl."""
+
+
+class _WhirlLoss(Event):
+    """End of the whirl of an isotropic rotor that is in contact on one side."""
+
+    def termination(self, name: str, value: float) -> tuple[Status, str]:
+        """Return status and message of the end."""
+        return Status.EVENT, (
+            f"the whirl ends at the first contact, at {name} = {value:.6g}: forward and backward whirl have one "
+            "frequency, and contact on one side, next to which a mean load holds the rotor, couples them. Remove the "
+            "mean load, or give the supports different stiffness in both directions"
+        )
+
+
+def _whirl_loss(other: ComplexArray, m: int) -> Event:
+    """Return the event at which the motion contains the ``other`` whirl (m,) of an isotropic rotor: the curve ends."""
+
+    def share(point: Point) -> float:
+        fundamental = to_complex(point.X.reshape(m, -1))[:, 1]
+        return float(abs(np.vdot(other, fundamental))) / norm(fundamental) - MAX_OTHER_WHIRL
+
+    return _WhirlLoss("WL", share, "end: contact on one side couples both whirls", "x", terminal=True)
 
 
 class BackboneProblem(ContinuationProblem):
@@ -319,7 +346,8 @@ class BackboneProblem(ContinuationProblem):
     def events(self, parameter: str) -> tuple[Event, ...]:
         """Return grazing contacts, and first slips of friction sliders."""
         slips = (SlipEvent(),) if self.balance.slider_names else ()
-        return GrazingEvent(), *slips
+        whirl = () if self._default_mode.partner is None else (_whirl_loss(self._default_mode.partner, self.m),)
+        return GrazingEvent(), *slips, *whirl
 
     def threshold_distances(self, kind: str, X: Array, **parameters: float) -> Array:
         """Return the distances of the motion from its thresholds, see `HarmonicBalance.threshold_distances`."""
