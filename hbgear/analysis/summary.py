@@ -20,7 +20,7 @@ from hbgear.analysis.quantities.axis_quantities import SPEED_LABEL, Abscissa, Or
 from hbgear.common.text.digits import concise, outward, rounded
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point, SpecialPoint
-from hbgear.continuation.results.reliability import special_point_size
+from hbgear.continuation.results.reliability import branch_warnings, special_point_size
 from hbgear.harmonic.bifurcations.events import named
 from hbgear.harmonic.equations.layout import STICK_REGIME, layout_of
 from hbgear.harmonic.models import model_registry
@@ -236,7 +236,10 @@ def reliability_lines(branch: Branch, dimensionless: bool = False) -> list[str]:
         f"{name} {'unknown' if math.isnan(error) else f'{error:.0e}'}" for name, error in branch.unknown_errors.items()
     ]
     texts = [f"Estimated relative error: {', '.join(errors) or 'unknown'}", *_determined_stability(branch)]
-    return ["; ".join(texts), *(f"warning: {in_speeds(branch, warning, dimensionless)}" for warning in branch.warnings)]
+    return [
+        "; ".join(texts),
+        *(f"warning: {in_speeds(branch, warning, dimensionless)}" for warning in branch_warnings(branch)),
+    ]
 
 
 def _special_point_error(branch: Branch) -> Iterator[str]:

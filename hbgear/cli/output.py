@@ -26,6 +26,7 @@ from hbgear.analysis.summary import (
 )
 from hbgear.common.process.progress import Progress, ProgressCallback
 from hbgear.common.text.messages import shortened
+from hbgear.continuation.results.reliability import branch_warnings
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -193,7 +194,7 @@ def show_reliability(branch: hb.Branch, dimensionless: bool = False) -> None:
     lines = reliability_lines(branch, dimensionless)
     for line in lines:
         print_text(line)
-    if branch.warnings and lines:
+    if branch_warnings(branch) and lines:
         print_text("  use more harmonics: --harmonics 32 or auto")
 
 

@@ -11,6 +11,7 @@ import pytest
 from scipy.io import loadmat
 
 import hbgear as hb
+from hbgear.analysis.summary import reliability_lines
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Jump, Point, SpecialPoint
 from hbgear.continuation.results.status import Status
@@ -572,3 +573,12 @@ def test_a_frequency_outside_all_curves_is_refused():
     curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 3), "Omega", (1.3, 1.2), stability=False)
     with pytest.raises(ValueError, match="no curve reaches Omega = 2: the span that was traced"):
         curve.at(2.0)
+
+
+@pytest.mark.parametrize("status", list(Status))
+def test_a_curve_that_stopped_early_has_a_warning(status):
+    """The table of a command states the status already, so that it does not repeat this warning."""
+    branch = make(status=status, message="10000 points, at Omega = 1.2")
+    stopped = [text for text in branch.warnings if text.startswith("stopped early")]
+    assert stopped == ([] if status.complete else [f"{status.in_words}: {branch.message}"])
+    assert not any("stopped early" in line for line in reliability_lines(branch))

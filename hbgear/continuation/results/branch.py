@@ -107,8 +107,9 @@ class Branch(BranchData, BranchFacade):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Reasons why the branch is not reliable everywhere. Empty if it is, or if its errors are unknown."""
-        return branch_warnings(self)
+        """Reasons why the branch is not reliable everywhere, or stopped early. Empty if it is, or if errors are unknown."""
+        stopped = () if self.status.complete else (f"{self.status.in_words}: {self.message}",)
+        return (*stopped, *branch_warnings(self))
 
     @checked_arguments()
     def jumps(self, landing: str | Lander | None = None, others: Sequence[Branch] = ()) -> tuple[Jump, ...]:
