@@ -107,7 +107,10 @@ class Branch(BranchData, BranchFacade):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Reasons why the branch is not reliable everywhere, or stopped early. Empty if it is, or if errors are unknown."""
+        """Reasons why the branch is not reliable everywhere, or stopped early.
+
+        Empty if there are no such reasons, or if its errors are unknown.
+        """
         stopped = () if self.status.complete else (f"{self.status.in_words}: {self.message}",)
         return (*stopped, *branch_warnings(self))
 
