@@ -19,6 +19,7 @@ Lam, Pitrou & Seibert (2015), LLVM-HPC, https://doi.org/10.1145/2833157.2833162.
 
 from __future__ import annotations
 
+import atexit
 import contextlib
 import functools
 import hashlib
@@ -225,7 +226,9 @@ def _folder() -> str:
 
 @cache
 def _temporary() -> tempfile.TemporaryDirectory[str]:
-    return tempfile.TemporaryDirectory(prefix="hbgear-kernels-", ignore_cleanup_errors=True)
+    folder = tempfile.TemporaryDirectory(prefix="hbgear-kernels-", ignore_cleanup_errors=True)
+    atexit.register(folder.cleanup)  # without this Python issues a ResourceWarning
+    return folder
 
 
 @cache
