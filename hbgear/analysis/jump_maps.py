@@ -133,6 +133,7 @@ class JumpMap:
         """All special points of the fold curves, also 1:1 resonances (RI) and fold-flips (FF)."""
         return tuple(p for fold in self.folds for p in fold.special)
 
+    @checked_arguments()
     def jumps_at(self, value: float) -> list[tuple[float, int]]:
         """Return the jumps at a value of the parameter.
 
@@ -194,6 +195,7 @@ class JumpMap:
         folds = sum(-2 * self.arms[i].direction for _, i in self._arms_at(value) if i not in self._detached)
         return folds + sum(change for _, change in asymptotes)
 
+    @checked_arguments()
     def several_motions(self, value: float) -> list[tuple[float, float]]:
         """Return the intervals of Omega with several motions at a value of the parameter.
 
@@ -229,6 +231,7 @@ class JumpMap:
         starts, stops = np.flatnonzero(several[1:] & ~several[:-1]), np.flatnonzero(several[:-1] & ~several[1:])
         return [(ends[i], ends[k]) for i, k in zip(starts.tolist(), stops.tolist(), strict=True)]
 
+    @checked_arguments()
     def export(self, path: str | os.PathLike[str]) -> None:
         """Write a .csv file with one row for each point of each section; no file is left after an error.
 

@@ -7,6 +7,7 @@ import hbgear as hb
 from hbgear.common.argument_checks import check, checked_arguments, fits, words
 
 HBM = hb.HarmonicBalance(hb.Duffing(), 3)
+GEAR = hb.gears.Gear(teeth=20, module=0.003, face_width=0.02)
 
 
 @pytest.mark.parametrize(
@@ -35,6 +36,13 @@ HBM = hb.HarmonicBalance(hb.Duffing(), 3)
         (lambda: hb.validate(HBM, problem=3), "needs a Branch, .*; got a HarmonicBalance: trace it first"),
         (lambda: hb.HarmonicBalance(hb.Duffing(), 3, tolerance="fine"), "tolerance = 'fine' must be a finite number"),
         (lambda: hb.load(3), "load: path = 3 must be a text or a path"),
+        (lambda: hb.save(None, "a.npz"), r"save\(branch\) needs a Branch, .*; got None"),
+        (lambda: hb.io.export([], "a.csv"), r"export\(branch\) needs a Branch, .*; got a list"),
+        (lambda: hb.io.read_machine(None), "read_machine: path = None must be a text or a path"),
+        (lambda: hb.gears.root_factors(None, 0.06), r"root_factors\(gear\) needs a Gear; got None"),
+        (lambda: hb.gears.tooth_mesh(GEAR, 3), r"tooth_mesh\(pair\) needs a GearPair; got a Gear"),
+        (lambda: GEAR.tooth_thickness(0.0), "tooth_thickness: diameter = 0.* must be positive"),
+        (lambda: hb.harmonic.TwoToneProblem(hb.Duffing(), 0.618, dense=0), "dense = 0 must be a whole number"),
     ],
 )  # fmt: skip
 def test_an_argument_is_refused_where_it_is_given(call, message):

@@ -17,6 +17,7 @@ from typing import Any
 
 from hbgear.analysis.certificates.conditions import NotCertifiedError
 from hbgear.analysis.certificates.proof import prove
+from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.atomic_write import atomic_write
 from hbgear.common.text.messages import shortened
 from hbgear.continuation.results.branch import Branch
@@ -182,6 +183,7 @@ class Certificate:
         proof = prove(claim)
         return Certificate(kind=claim["kind"], label=label, claim=claim, **proof._asdict())
 
+    @checked_arguments()
     def attached_to(self, branch: Branch) -> Branch:
         """Return a branch whose special point has this certificate; files, tables and figures then show it.
 
@@ -254,6 +256,7 @@ class Certificate:
             raise ValueError(f"the certificate is damaged ({type(error).__name__}: {error})") from None
         return certificate
 
+    @checked_arguments()
     def save(self, path: str | PathLike[str]) -> None:
         """Write the certificate to a JSON file.
 

@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hbgear.analysis.quantities.length_units import MICROMETRE, dimension_of, factor_of
+from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.atomic_write import atomic_write, csv_table
 from hbgear.common.text.messages import did_you_mean
@@ -189,6 +190,7 @@ class Cases:
                 out[name] = column
         return out
 
+    @checked_arguments()
     def model_of(self, case: int) -> Model:
         """Return the model of a case.
 
@@ -203,6 +205,7 @@ class Cases:
             )
         return self.model.replace(**self.values[case])
 
+    @checked_arguments()
     def branch(self, case: int) -> Branch:
         """Return the response curve of a case; only with "branch".
 
@@ -223,6 +226,7 @@ class Cases:
         except (OSError, ValueError) as error:
             raise ValueError(f"the branch of case {case} cannot be read ({error}); run the study again") from error
 
+    @checked_arguments()
     def export(self, path: str | os.PathLike[str], *, dimensionless: bool = False) -> None:
         """Write the table (.csv), or the table, jumps and curves as arrays (.npz), atomically.
 

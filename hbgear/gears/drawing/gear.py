@@ -29,7 +29,7 @@ from typing import Any
 import numpy as np
 
 from hbgear.common.arrays import Array
-from hbgear.common.ranges import ANY, NOT_NEGATIVE, POSITIVE, Range, counted
+from hbgear.common.ranges import ANY, NOT_NEGATIVE, POSITIVE, Range, checked, counted
 from hbgear.common.text.messages import quoted
 from hbgear.common.units import OptionalQuantityField, QuantityField, to_si
 from hbgear.gears.drawing.fillet import RackTip, rack_tip
@@ -259,6 +259,7 @@ class Gear:  # numpydoc ignore=PR02
 
         s = d_y ((pi/2 + 2 x tan(alpha_n)) / z + inv(alpha_t) - inv(alpha_y)),   cos(alpha_y) = d_b / d_y
         """
+        checked("tooth_thickness", "diameter", diameter, POSITIVE)
         at_reference = (pi / 2 + 2 * self.profile_shift * tan(self.pressure_angle)) / self.curvature_teeth
         alpha_y = acos(min(self.base_diameter / diameter, 1.0))
         rotation = involute(self.transverse_pressure_angle) - involute(alpha_y)

@@ -33,6 +33,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.gears.drawing.gear import Gear
 from hbgear.gears.drawing.geometry import involute
@@ -69,6 +70,7 @@ class RootFactors(NamedTuple):
     fillet_radius: float
 
 
+@checked_arguments()
 def root_factors(gear: Gear, diameter: ArrayLike) -> RootFactors:
     """Compute the form factor and the stress correction factor of a tooth; see the equations in the module header.
 

@@ -31,6 +31,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import counted
 from hbgear.common.units import to_si
@@ -136,6 +137,7 @@ def _contacts(mesh: ToothMesh, length: float) -> MeshContacts:
     return mesh_contacts(scaled, meshes)
 
 
+@checked_arguments()
 def tooth_mesh(pair: GearPair, torque: Any, *, slices: int | None = None) -> ToothMesh:
     """Compute the contacts of a gear pair from its drawing; the module docstring states the equations.
 

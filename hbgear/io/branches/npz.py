@@ -44,6 +44,7 @@ SCHEMA = 5
 _FORMAT = "hbgear branch"
 
 
+@checked_arguments()
 def save(branch: Branch, path: str | os.PathLike[str]) -> None:
     """Write a branch to an .npz with a JSON header, completely or not at all; `load` returns the same numbers.
 

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.atomic_write import atomic_write, checked_suffix
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.branch_data import saved_fields
@@ -25,6 +26,7 @@ from hbgear.io.branches.npz import encode
 from hbgear.mechanics.series.measures import default_measures
 
 
+@checked_arguments()
 def export(branch: Branch, path: str | os.PathLike[str]) -> None:
     """Write a table of the points (.csv), or all data for MATLAB and Octave (.mat), completely or not at all.
 

@@ -28,6 +28,7 @@ from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
 from typing import Any, Literal
 
+from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.atomic_write import atomic_write, checked_suffix
 from hbgear.common.process.signals import defer_signals
 from hbgear.common.units import QuantityField
@@ -112,6 +113,7 @@ class Machine:
                          self.cycle, self.torque_orders, friction=self.friction)  # fmt: skip
 
 
+@checked_arguments()
 def read_machine(path: str | os.PathLike[str]) -> Machine:
     """Read and check the file of a machine.
 

@@ -110,6 +110,7 @@ def torus(
     H1, H2 = harmonics or (min(balance.H, 9), 12)
     counted("harmonics[0]", H1, 200)
     counted("harmonics[1]", H2, 200)
+    counted("dense", dense, 20)
     low, high = sorted(map(float, span or (branch.values.min(), branch.values.max())))
     parameters = dict(point.parameters)
     name, value = branch.parameter, float(parameters[branch.parameter])

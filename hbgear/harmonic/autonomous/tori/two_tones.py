@@ -124,6 +124,7 @@ class TwoToneProblem(TorusProblem):
         checked("TwoToneProblem", "ratio", ratio, POSITIVE)
         for i in (0, 1):
             counted(f"harmonics[{i}]", harmonics[i], 200)
+        counted("dense", dense, 20)
         if half not in (None, (1, 0), (0, 1), (1, 1)):
             raise ValueError(f"half = {half}: doubled tori are of the kinds (1, 0), (0, 1) and (1, 1)")
         if band is not None:
