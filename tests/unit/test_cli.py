@@ -273,6 +273,28 @@ def test_interrupt_saves_and_returns_3(run, monkeypatch):
     assert "interrupted" in out
 
 
+def test_a_report_of_an_interrupted_curve_has_no_recommendation(run, monkeypatch):
+    """Safe speeds and alternatives need the whole curve; the drawing, the file and the part of the curve are kept."""
+
+    @contextmanager
+    def impatient(what):
+        def show(now):
+            if now.numbers["points"] >= 8:
+                raise KeyboardInterrupt
+
+        yield show
+
+    monkeypatch.setattr(cli_support, "bar", impatient)
+    drawing = "--z 25,40 --module 3mm --width 20mm --torque 200Nm --backlash 80um -o pair.toml --plot pair.png"
+    for args in ("gear " + drawing, "speed pair.toml -o part.npz"):
+        code, out, _ = run(*args.split())
+        assert code == 3 and "interrupted" in out and "need the whole curve and are left out" in out
+        assert "recommendation" not in out and "safe speeds," not in out
+    assert (
+        hb.load("part.npz").status is hb.Status.INTERRUPTED and Path("pair.toml").exists() and Path("pair.png").exists()
+    )
+
+
 def test_interrupt_before_the_first_point(run, monkeypatch):
     def impatient(*_, **__):
         raise KeyboardInterrupt

@@ -185,6 +185,9 @@ def speed(
         out.branch(output, curve)
         out.figure(plot, lambda drawing: drawing.response(curve, measure, dimensionless=dimensionless))
         print_text(f"{model.title or file}: {len(curve)} points; {message_of(curve, dimensionless)}")
+        if interrupted(curve):
+            print_text(PARTIAL)
+            raise typer.Exit(exit_code(curve))
         if shown is not None:
             print_text(f"speeds from {shown[0]:.0f} to {shown[1]:.0f} r/min, with motions that come from other speeds")
         show_speeds(model, curve, dimensionless, other_ranges, shown)
@@ -291,6 +294,15 @@ def _largest(
             yield [name, rounded(sign * largest, 4), position_texts(curve, point)[0]]
 
 
+PARTIAL = "jumps, safe speeds and the effect of assumptions need the whole curve and are left out"
+"""Note of reports whose curve was interrupted."""
+
+
+def interrupted(curve: hb.Branch) -> bool:
+    """Return whether a curve or one of its further curves was interrupted."""
+    return any(one.status is hb.Status.INTERRUPTED for one in curve.curves)
+
+
 # ---- output of hbgear gear
 
 
@@ -310,7 +322,7 @@ def _trace_and_report(
         return [name, *alternative_results(changed().equations, model.equations, curve, count, stop)]
 
     works: list[Callable[[Event], Any]] = []
-    if model.mesh_order == 1:  # otherwise each curve takes minutes
+    if model.mesh_order == 1 and not interrupted(curve):  # otherwise each curve takes minutes
         works = [partial(subharmonics, model, curve, count)]
         works += [partial(alternative, assumption) for assumption in alternatives(model, by_default)]
     with without_relief_warning(), begun(lambda work, stop: work(stop), works) as results, outputs() as out:
@@ -319,6 +331,9 @@ def _trace_and_report(
         out.figure(plot, methodcaller("drive", loaded, curve))
         print_table(["gears", "pinion", "wheel"], list(gear_tables.gears(machine.pair)))
         print_table(["mesh", ""], list(gear_tables.mesh(machine, cycle, model)))
+        if interrupted(curve):
+            print_text(f"the curve was interrupted: {PARTIAL}")
+            return curve
         computed = [future.result() for future in results[1:]]
         damping = [row for row in computed if row[0].startswith("damping")]
         first = [f"damping {machine.damping:g}, as computed", *factor_and_jumps(model, curve)]
