@@ -119,7 +119,7 @@ def test_survey_saves_every_branch(run):
         ("critical spur-pair Omega", ["must differ from Omega"]),
         ("critical duffing F --set k3=0 --harmonics 3", ["no jump", "steepest slope of the rms amplitude"]),
         ("switch missing.npz PD1", ["no file 'missing.npz'"]),
-        ("survey duffing -o nowhere", ["no folder 'nowhere'"]),
+        ("survey duffing -o nowhere", ["no folder 'nowhere' for branch1.npz"]),
         (f"survey duffing -o {'o' * 300}", ["no folder 'ooo", "create it first"]),
         (f"trace {'o' * 300}.py:Mine", ["cannot be loaded: there is no file"]),
         ("survey duffing --harmonics many", ["--harmonics many", "whole number"]),

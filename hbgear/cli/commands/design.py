@@ -221,7 +221,7 @@ def survey(
     """
     if folder is not None:
         if not os.path.isdir(folder):
-            raise ValueError(f"there is no folder '{folder}'; create it first")
+            raise ValueError(f"there is no folder '{folder}' for branch1.npz, branch2.npz, ...; create it first")
         check_writable(folder / "branch1.npz", BRANCHES)
     problem = problem_of(chosen_model(model, changes), harmonics, nu=nu)
     span = span_of(problem.model, first, last)
