@@ -117,6 +117,7 @@ def test_tables_of_the_mesh_are_files_in_its_folder(file, tmp_path):
         ('"3 mm"', "true", "line 6: pinion.module = true must be text in quotation marks or a number$"),
         ("damping = 0.04", "damping = 0,04", r"line 2, column 12\); the decimal mark is a point"),
         ("[wheel]", 'friction.viscosit = "1 Pa s"\n[wheel]', "line 9: unknown key 'pinion.friction'"),
+        ("[pair]", "[[pair]]", r"line 12: 'pair' is one table: write \[pair\], not \[\[pair\]\]"),
         ("damping", 'friction = "a"\ndamping', "line 2: friction = 'a' must be a number or a table$"),
         (
             "damping",

@@ -241,6 +241,24 @@ def test_safe_speeds_and_resonances_of_all_meshes_of_a_planetary_set(capsys):
         )
 
 
+def test_mesh_frequency_and_usual_range_of_two_stages():
+    """The first mesh has the frequency of its teeth; its natural frequency lies in the range of a trace."""
+    names, teeth = ("in", "first", "second", "out"), (23, 61, 19, 57)
+    wheels = [
+        hb.gears.Wheel(name, 1e-3, teeth=z, base_radius=z * 1e-3, torque=10.0 if name == "in" else 0.0)
+        for name, z in zip(names, teeth, strict=True)
+    ]
+    meshes = [hb.gears.Mesh("in", "first", 3e8, 4e-5), hb.gears.Mesh("second", "out", 4e8, 5e-5)]
+    train = hb.gears.Train(wheels, meshes, [hb.gears.Shaft("first", "second", torsion=3e5)], balance="out")
+    assert (train.orders["in-first"], train.orders["second-out"]) == (61.0, 19.0)
+    natural = np.sqrt(3e8 * ((23e-3) ** 2 + (61e-3) ** 2) / 1e-3) / (
+        2 * np.pi
+    )  # Hz, of the first mesh with fixed shafts
+    first, last = (float(train.scales.mesh_frequency(end)) for end in train.default_span)
+    assert (first, last) == pytest.approx((1.5 * natural, 0.3 * natural), rel=1e-12)
+    assert train.scales.pinion_speed(train.default_span[0]) == pytest.approx(60 * first / 23, rel=1e-12)
+
+
 @pytest.mark.filterwarnings("ignore:no element comes near a breakpoint")
 @pytest.mark.parametrize("zeta", [0.05, 0.15])
 def test_speed_of_a_resonance_is_located_between_the_points_of_a_curve(zeta):

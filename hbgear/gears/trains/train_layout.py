@@ -61,7 +61,6 @@ class TrainLayout(Model):
         "unbalance_scale": "factor of the unbalances [-]",
         "fluctuation_scale": "factor of the torque orders [-]",
     }
-    default_span: ClassVar[tuple[float, float]] = (1.5, 0.3)
     ranges: ClassVar[Mapping[str, Range]] = dict.fromkeys(("backlash_scale", "clearance_scale"), Range(low=0, high=1e6))
 
     @property
@@ -237,10 +236,16 @@ class TrainLayout(Model):
         return sqrt(self.k_mean / self.m_c)
 
     @property
+    def default_span(self) -> tuple[float, float]:  # type: ignore[override]
+        """Usual range of Omega: the frequency of the first mesh from 1.5 to 0.3 times its natural frequency."""
+        order = self.orders[self.meshes[0].name]
+        return 1.5 / order, 0.3 / order
+
+    @property
     def scales(self) -> Scales:
-        """Scales whose pinion is the first wheel of the first mesh."""
-        teeth = 1 / abs(self.orders[self.meshes[0].first])
-        return Scales(self.omega_n, self.b_c, self.k_mean * self.b_c, teeth)
+        """Scales with the frequency of the first mesh, whose pinion is its first wheel."""
+        order, first = self.orders[self.meshes[0].name], self.orders[self.meshes[0].first]
+        return Scales(self.omega_n, self.b_c, self.k_mean * self.b_c, round(order / first, 12), order)
 
     @cached_property
     def _coordinates(self) -> list[tuple[str, int]]:

@@ -16,8 +16,8 @@ from hbgear.mechanics.models import Model
 def kind_of_file(path: str | os.PathLike[str]) -> Literal["study", "train", "structure", "machine"]:
     """Return the content of a TOML file by its keys.
 
-    A study names a model, a train has meshes in a list, a structure has matrices, receptances or elements. Everything
-    else is a machine, whose reader explains what is wrong.
+    A study names a model, a train has wheels or meshes in a list, a structure has matrices, receptances or elements.
+    Everything else is a machine, whose reader explains what is wrong.
     """
     try:
         data = parsed(path, "a model")[1]
@@ -25,7 +25,7 @@ def kind_of_file(path: str | os.PathLike[str]) -> Literal["study", "train", "str
         return "machine"
     if isinstance(data.get("model"), str):
         return "study"
-    if isinstance(data.get("mesh"), list):
+    if isinstance(data.get("mesh"), list) or isinstance(data.get("wheel"), list):
         return "train"
     return "structure" if data.keys() & {"matrices", "receptances", "element", *NAMES} else "machine"
 

@@ -189,6 +189,9 @@ def validation_problems(schema: Any, data: Mapping[str, Any], error: Any) -> Pro
         value: Any = data
         for key in key_path:
             value = value[key]
+        if texts == ["a table"] and isinstance(value, list):
+            problems.append((key_path, f"'{name}' is one table: write [{name}], not [[{name}]]"))
+            continue
         problems.append((key_path, f"{name} = {_as_toml(value)} must be {' or '.join(dict.fromkeys(texts))}"))
     return problems
 
