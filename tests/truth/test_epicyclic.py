@@ -241,3 +241,21 @@ def test_simple_planets_assemble_by_the_rule():
     assert [simple(planets=n).planets for n in (2, 4)] == [2, 4]
     with pytest.raises(ValueError, match="cannot be assembled"):
         simple(planets=3)
+
+
+def test_mesh_frequency_of_stepped_planets_is_that_of_the_teeth_of_the_sun():
+    """f = z_sun (n_sun - n_carrier) / 60: the meshes of large and small planets have different frequencies."""
+    gears = [
+        hb.gears.Wheel("sun", 1e-4, teeth=24, base_radius="22.5526 mm"),
+        hb.gears.Wheel("large", 2e-4, 0.5, teeth=30, base_radius="28.1908 mm", x="54 mm"),
+        hb.gears.Wheel("small", 1e-4, 0.3, teeth=18, base_radius="11.7099 mm", x="54 mm"),
+        hb.gears.Wheel("ring", 1e-2, teeth=96, base_radius="62.4533 mm", internal=True),
+    ]
+    meshes = [hb.gears.Mesh("sun", "large", 4e8, 4e-5), hb.gears.Mesh("small", "ring", 4e8, 4e-5)]
+    stepped = hb.gears.EpicyclicSet(
+        gears, meshes, 0.004, planets=3, bodies=(("large", "small"),), driver="sun", output="carrier", fixed="ring"
+    )
+    n = stepped.scales.pinion_speed(0.7)
+    ratio = 1 + 96 / 18 * 30 / 24  # of the sun to the carrier, by Willis' equation
+    assert stepped.scales.mesh_frequency(0.7) == pytest.approx(24 * (n - n / ratio) / 60, rel=1e-12)
+    assert stepped.orders["sun-large"] * stepped.default_span[0] == pytest.approx(1.5, rel=1e-12)

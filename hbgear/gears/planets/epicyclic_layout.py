@@ -69,7 +69,6 @@ class EpicyclicLayout(Model):
         "e_scale": r"factor of the errors",
         "fluctuation_scale": "factor of the torque orders",
     }
-    default_span: ClassVar[tuple[float, float]] = (1.5, 0.3)
     ranges: ClassVar[Mapping[str, Range]] = {
         "carrier_inertia": POSITIVE, "torque": POSITIVE, "backlash_scale": Range(low=0, high=1e6),
     }  # fmt: skip
@@ -334,10 +333,17 @@ class EpicyclicLayout(Model):
 
     @property
     def scales(self) -> Scales:
-        """Scales whose pinion is the driver."""
+        """Scales with the frequency of the first mesh, whose pinion is the driver."""
         train = self.train
-        p = self.common_order
-        return Scales(train.omega_n, train.b_c, train.k_mean * train.b_c, float(self._mesh_speed), p)
+        order = train._kinematics.orders[0]
+        teeth = float(order * self._mesh_speed)
+        return Scales(train.omega_n, train.b_c, train.k_mean * train.b_c, teeth, float(order * self.common_order))
+
+    @property
+    def default_span(self) -> tuple[float, float]:  # type: ignore[override]
+        """Usual range of Omega: the frequency of the first mesh from 1.5 to 0.3 times its natural frequency."""
+        order = self.orders[self.meshes[0].name]
+        return 1.5 / order, 0.3 / order
 
 
 def driven(mesh: Mesh, wheels: Mapping[str, Wheel]) -> Mesh:
