@@ -334,16 +334,11 @@ class EpicyclicLayout(Model):
     @property
     def scales(self) -> Scales:
         """Scales with the frequency of the first mesh, whose pinion is the driver."""
-        train = self.train
-        order = train._kinematics.orders[0]
+        train, order = self.train, self.train._kinematics.orders[0]
         teeth = float(order * self._mesh_speed)
         return Scales(train.omega_n, train.b_c, train.k_mean * train.b_c, teeth, float(order * self.common_order))
 
-    @property
-    def default_span(self) -> tuple[float, float]:  # type: ignore[override]
-        """Usual range of Omega: the frequency of the first mesh from 1.5 to 0.3 times its natural frequency."""
-        order = self.orders[self.meshes[0].name]
-        return 1.5 / order, 0.3 / order
+    default_span = Train.default_span
 
 
 def driven(mesh: Mesh, wheels: Mapping[str, Wheel]) -> Mesh:
