@@ -30,7 +30,8 @@ from hbgear.harmonic.structure.massless import mass_basis
 from hbgear.mechanics.models import Model, System
 from hbgear.mechanics.plausibility import check_frequency, check_model
 from hbgear.mechanics.series.fourier import real_numbers
-from hbgear.time.exponential.integrator import ExponentialIntegrator, StateBatch
+from hbgear.time.exponential.integrator import ExponentialIntegrator
+from hbgear.time.exponential.modal_states import StateBatch
 from hbgear.time.observation import observe
 from hbgear.time.steady_state import OBSERVED, SteadyStateSettings, settle_into, unsettled
 
@@ -313,7 +314,7 @@ class _Search:
     def _distance(self, states: Array, z: Array) -> Array:
         """Return the distance of modal states (B, 2 q) from the nearest of some states, relative to the largest."""
         x, size = self.weights * z, np.linalg.norm(states, axis=1).max()
-        distance: Array = np.min([np.linalg.norm(x - state, axis=1) for state in states], axis=0)
+        distance = np.min([np.linalg.norm(x - state, axis=1) for state in states], axis=0)
         return distance / (size or 1.0)
 
     def attractor_indices(self, motions: StateBatch, period: np.ndarray) -> np.ndarray:

@@ -29,7 +29,8 @@ from hbgear.harmonic.equations.layout import element_index
 from hbgear.mechanics.models import Model
 from hbgear.mechanics.plausibility import check_model
 from hbgear.mechanics.series import measures
-from hbgear.time.exponential.integrator import ExponentialIntegrator, StateBatch
+from hbgear.time.exponential.integrator import ExponentialIntegrator
+from hbgear.time.exponential.modal_states import StateBatch
 from hbgear.time.observation import HARMONICS, Observation, observe
 from hbgear.time.steady_state import FEWEST, OBSERVED, WINDOW, Settled, SteadyStateSettings, disturbed, lyapunov, settle
 

@@ -8,7 +8,8 @@ import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.mechanics.series.fourier import to_real
-from hbgear.time.exponential.integrator import ExponentialIntegrator, StateBatch
+from hbgear.time.exponential.integrator import ExponentialIntegrator
+from hbgear.time.exponential.modal_states import StateBatch
 
 HARMONICS = 16
 """Number of harmonics of the excitation that are stored for each settled motion [-]."""

@@ -29,7 +29,7 @@ from hbgear.continuation.solvers.newton import NoConvergence
 from hbgear.harmonic.structure.linear_structure import LinearStructure
 from hbgear.mechanics.models import Model
 from hbgear.mechanics.series.fourier import resize, stretch, to_real
-from hbgear.time.exponential.integrator import modal_state, physical_state
+from hbgear.time.exponential.modal_states import modal_state, physical_state
 from hbgear.time.flows.slider_flow import complete_state
 from hbgear.time.integration import Motion, integrate
 from hbgear.time.runge_kutta import Flow

@@ -23,7 +23,8 @@ import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import checked, counted
-from hbgear.time.exponential.integrator import ExponentialIntegrator, StateBatch
+from hbgear.time.exponential.integrator import ExponentialIntegrator
+from hbgear.time.exponential.modal_states import StateBatch
 
 WINDOW = 8
 """Number of excitation periods of each of the two windows from which the rate of convergence is estimated [-]."""

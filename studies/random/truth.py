@@ -33,7 +33,7 @@ from hbgear.continuation.results.point import Jump, Point, SpecialPoint
 from hbgear.continuation.results.stability import STABILITY_TOLERANCE
 from hbgear.continuation.solvers.newton import SOLVER_ERRORS, NoConvergence, solve
 from hbgear.harmonic.structure.linear_structure import LinearStructure
-from hbgear.time.exponential.integrator import modal_state, physical_state
+from hbgear.time.exponential.modal_states import modal_state, physical_state
 from hbgear.time.integration import state_of
 from hbgear.time.runge_kutta import Flow
 from hbgear.time.shooting import variation

@@ -8,7 +8,8 @@ from hbgear import Backlash, Cubic, Duffing, Element, HarmonicBalance, Load, NoC
 from hbgear.gears import DoubleHelicalPair
 from hbgear.harmonic.structure.linear_structure import LinearStructure
 from hbgear.mechanics import Law, Parallel
-from hbgear.time.exponential.integrator import ExponentialIntegrator, modal_state, physical_state
+from hbgear.time.exponential.integrator import ExponentialIntegrator
+from hbgear.time.exponential.modal_states import modal_state, physical_state
 from hbgear.time.integration import integrate, state_of
 from hbgear.time.runge_kutta import METHODS, Flow
 from hbgear.time.shooting import shoot

@@ -32,7 +32,8 @@ from hbgear.continuation.solvers.newton import NoConvergence, solve
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.mechanics.models import Model
 from hbgear.mechanics.series.fourier import to_real
-from hbgear.time.exponential.integrator import ExponentialIntegrator, StateBatch
+from hbgear.time.exponential.integrator import ExponentialIntegrator
+from hbgear.time.exponential.modal_states import StateBatch
 from hbgear.time.integration import state_of
 from hbgear.time.steady_state import SteadyStateSettings, settle
 
@@ -374,7 +375,7 @@ class _Search:
     def result(self, starts: int) -> SteadyStates:
         """Return all motions found."""
         orders = sorted({motion.period for motion in self.motions} | {1})
-        indices = {nu: sum(m.index(nu) * len(self._copies(m, nu)) for m in self.motions) for nu in orders}
+        indices = {nu: self.index(nu) for nu in orders}
         motions = [
             SteadyMotion(
                 replace(problem_point(self._problem(m.period), m.X, self.Omega), multipliers=m.multipliers),

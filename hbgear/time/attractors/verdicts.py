@@ -29,7 +29,8 @@ import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.harmonic.autonomous.tori.stability import birkhoff_weights
-from hbgear.time.exponential.integrator import ExponentialIntegrator, StateBatch
+from hbgear.time.exponential.integrator import ExponentialIntegrator
+from hbgear.time.exponential.modal_states import StateBatch
 
 AVERAGED = 1000
 """Number of excitation periods of each of the two averages [-]. Tori of two masses have 9 to 13 equal digits, chaotic

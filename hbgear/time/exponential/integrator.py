@@ -20,6 +20,7 @@ Hochbruck & Ostermann (2010), Acta Numerica 19, https://doi.org/10.1017/S0962492
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Sequence
 from threading import Event
 from typing import Any
@@ -53,8 +54,6 @@ from hbgear.time.exponential.segments import SAMPLES_PER_STEP, Integers, segment
 from hbgear.time.exponential.steady_part import highest_order, steady_part
 from hbgear.time.exponential.step_number import MAX_EXCITATION_STEPS, with_sufficient_steps
 from hbgear.time.exponential.step_tables import Steps, dense, packed
-
-__all__ = ["ExponentialIntegrator", "StateBatch", "modal_state", "physical_state"]
 
 _REFERENCE_STIFFNESS_RATIO = 0.01
 """Reference stiffness of smooth laws as a fraction of the stiffness of the structure [-]."""
@@ -175,8 +174,7 @@ class ExponentialIntegrator:
         """Return the integrator of the same models at another Omega."""
         if self._speed_dependent:
             return ExponentialIntegrator(self._speed_dependent, Omega, steps, self.s, self._adaptive)
-        out = object.__new__(ExponentialIntegrator)
-        out.__dict__.update(self.__dict__)
+        out = copy.copy(self)
         out._set_frequency(Omega, steps)
         return out
 
@@ -253,8 +251,7 @@ class ExponentialIntegrator:
         """Return the integrator of some of the motions."""
         if self.rows == 1:
             return self
-        out = object.__new__(ExponentialIntegrator)
-        out.__dict__.update(self.__dict__)
+        out = copy.copy(self)
         out.index, out.Omega, out.rows = self.index[motions], self.Omega[motions], len(motions)
         if len(self._models) > 1:
             out._models = self._models[motions]
