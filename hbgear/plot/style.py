@@ -8,7 +8,7 @@ regime. The settings of matplotlib are unchanged, and matplotlib is imported onl
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
@@ -373,6 +373,15 @@ def regime_of(layout: Layout | None, codes: NDArray[np.int8], element: int | str
 def in_words(regime: str) -> str:
     """Return the name of a regime such as "single_sided" in a legend, "single-sided"."""
     return regime.replace("_sided", "-sided").replace("_", " ")
+
+
+def legend_handles(artists: Iterable[Any]) -> dict[str, Any]:
+    """Return the first artist of each visible label, for a legend with one entry for each."""
+    handles: dict[str, Any] = {}
+    for artist in artists:
+        if not str(artist.get_label()).startswith("_"):
+            handles.setdefault(str(artist.get_label()), artist)
+    return handles
 
 
 def add_legend(ax: Axes, outside: bool = False, widths: bool = False) -> None:

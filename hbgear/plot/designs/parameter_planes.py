@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import cycle
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import SpecialPoint
 from hbgear.harmonic.bifurcations.events import named
 from hbgear.plot.labels import labels_of
-from hbgear.plot.style import BRANCHES, COLOURS, axes_or_new, dress, legend_entry, scaled_axes, styled
+from hbgear.plot.style import BRANCHES, COLOURS, axes_or_new, dress, legend_entry, legend_handles, scaled_axes, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -114,10 +114,8 @@ def _mark(
 
 def _add_legend(ax: Axes) -> None:
     """Add a legend with one entry for lines, markers and areas of the same label."""
-    artists: list[Any] = [*ax.lines, *ax.collections]
-    handles = {str(artist.get_label()): artist for artist in artists}
-    visible = {label: artist for label, artist in handles.items() if not label.startswith("_")}
-    ax.legend(list(visible.values()), list(visible), loc="best")
+    handles = legend_handles([*ax.lines, *ax.collections])
+    ax.legend(handles.values(), handles.keys(), loc="best")
 
 
 @checked_arguments()

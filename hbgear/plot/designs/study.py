@@ -20,7 +20,17 @@ from hbgear.design.studies.sweep_statistics import SweepResponses, quantiles_of,
 from hbgear.harmonic.models.frequency_units import MESH, PINION
 from hbgear.mechanics.series.measures import axis_text, motion_text
 from hbgear.plot.branch_sections import HEADROOM
-from hbgear.plot.style import COLOURS, axes_or_new, dress, dress_with_speeds, heighten, new_figure, scaled_axes, styled
+from hbgear.plot.style import (
+    COLOURS,
+    axes_or_new,
+    dress,
+    dress_with_speeds,
+    heighten,
+    legend_handles,
+    new_figure,
+    scaled_axes,
+    styled,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -378,9 +388,9 @@ def against_parameters(
         for ax, name in zip(axes[-1], names, strict=True):
             ax.set_xlabel(_wrapped(_label(found, name)))
             ax.locator_params(axis="x", nbins=4)
-        handles, labels = _legend_entries(axes)
-        if labels:
-            figure.legend(handles, labels, loc="outside upper center", ncols=len(labels))
+        handles = legend_handles(line for ax in axes.flat for line in ax.lines)
+        if handles:
+            figure.legend(handles.values(), handles.keys(), loc="outside upper center", ncols=len(handles))
     return figure
 
 
@@ -437,13 +447,6 @@ def _dots(ax: Axes, found: Cases, name: str, column: str, scale: Array) -> None:
     finite = np.isfinite(y)
     ax.plot(x[finite], y[finite], marker, color=colour, markersize=3.0 if len(x) < 300 else 1.8, alpha=0.75,
             markeredgewidth=0, label=label, rasterized=len(x) > _MAX_VECTOR_CASES, gid=column)  # fmt: skip
-
-
-def _legend_entries(axes: Any) -> tuple[list[Any], list[str]]:
-    """Return one legend entry for each label of any panel."""
-    entries = {str(line.get_label()): line for ax in axes.flat for line in ax.lines}
-    visible = {label: line for label, line in entries.items() if not label.startswith("_")}
-    return list(visible.values()), list(visible)
 
 
 def _wrapped(label: str, width: int = 24) -> str:

@@ -14,7 +14,7 @@ from hbgear.gears.trains.train import Train
 from hbgear.gears.trains.train_kinematics import inner_first
 from hbgear.harmonic.equations.layout import layout_of
 from hbgear.plot.branch_sections import sections
-from hbgear.plot.style import BRANCHES, COLOURS, GREY, LINES, axes_or_new, dress, styled
+from hbgear.plot.style import BRANCHES, COLOURS, GREY, LINES, axes_or_new, dress, legend_handles, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -77,10 +77,7 @@ def train(machine: Train, ax: Axes | None = None) -> Axes:
         ax.set_ylabel("y [mm]")
         ax.margins(0.08)
         dress(ax)
-        handles: dict[str, Any] = {}
-        for line in ax.lines:
-            if not str(line.get_label()).startswith("_"):
-                handles.setdefault(str(line.get_label()), line)
+        handles = legend_handles(ax.lines)
         ax.legend(handles.values(), handles.keys(), loc="upper center", bbox_to_anchor=(0.5, -0.15), ncols=2)
     return ax
 
@@ -131,9 +128,8 @@ def planetary(machine: PlanetarySet, ax: Axes | None = None) -> Axes:
             ax.annotate(text, tuple(centre), ha="center", va="center", fontsize=8, zorder=5, bbox=_BEHIND)
             spin = -(speeds["sun"] - speeds["carrier"]) * machine.teeth_s / machine.teeth_p  # in the carrier's frame
             _arrow(ax, centre, 0.62 * planet, spin)
-        free = max(
-            2 * np.pi / len(machine.angles) - 2 * np.arcsin(planet / distance), 0.3
-        )  # angle between planets [rad]
+        # angle between planets [rad]
+        free = max(2 * np.pi / len(machine.angles) - 2 * np.arcsin(planet / distance), 0.3)
         between = 0.5 * (machine.angles[-1] + machine.angles[0]) + np.pi  # the arrow of the carrier avoids the planets
         for name, r, angle in (
             ("sun", 0.62 * sun, between),
@@ -147,7 +143,7 @@ def planetary(machine: PlanetarySet, ax: Axes | None = None) -> Axes:
         ax.set_ylabel("y [mm]")
         ax.margins(0.08)
         dress(ax)
-        handles = {str(line.get_label()): line for line in ax.lines if not str(line.get_label()).startswith("_")}
+        handles = legend_handles(ax.lines)
         ax.legend(handles.values(), handles.keys(), loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=2)
     return ax
 
