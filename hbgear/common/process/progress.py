@@ -42,6 +42,15 @@ class Progress:
         return share + self.text
 
 
+def curve_progress(
+    name: str, value: float, span: tuple[float, float], points: int, step: float, activity: str = ""
+) -> Progress:
+    """Return the progress of a curve in a parameter over a span: its value, number of points, and step or activity."""
+    done = min(max((value - span[0]) / (span[1] - span[0]), 0.0), 1.0)
+    text = f"{name} = {value:.5f}, {points} points, {activity or f'step {step:.1e}'}"
+    return Progress(done, text, {"value": value, "points": points, "step": step})
+
+
 ProgressCallback = Callable[[Progress], None]
 """Type of ``progress=``: ``print`` or another function of a `Progress`. An exception in it ends the computation.
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from hbgear.common.arrays import Array
-from hbgear.common.process.progress import Progress
+from hbgear.common.process.progress import curve_progress
 from hbgear.continuation.curve.segment import CurvePoint, Segment
 from hbgear.continuation.events.event import LocatedEvent
 from hbgear.continuation.events.fold import FoldEvent
@@ -119,13 +119,12 @@ class Monitor:
 
     def report(self, point: CurvePoint, activity: str = "") -> None:
         """Call the progress callback if there is one; raise its exceptions as `CallbackError`."""
-        progress, setup, count = self.state.setup.settings.progress, self.state.setup, len(self.state.points)
+        setup, count = self.state.setup, len(self.state.points)
+        progress, span = setup.settings.progress, (setup.span.start, setup.span.end)
         if progress is None:
             return
-        fraction = min(max((point.value - setup.span.start) / (setup.span.end - setup.span.start), 0.0), 1.0)
-        text = f"{setup.name} = {point.value:.5f}, {count} points, {activity or f'step {point.step:.1e}'}"
         try:
-            progress(Progress(fraction, text, {"value": point.value, "points": count, "step": point.step}))
+            progress(curve_progress(setup.name, point.value, span, count, point.step, activity))
         except KeyboardInterrupt:
             raise
         except BaseException as error:

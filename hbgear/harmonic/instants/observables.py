@@ -7,27 +7,29 @@ from typing import Any
 
 import numpy as np
 
-from hbgear.common.arrays import Array
-from hbgear.common.process.progress import Progress
+from hbgear.common.process.progress import curve_progress
+from hbgear.continuation.curve.segment import CurvePoint
 from hbgear.harmonic.instants.equations import EquationsAt
 from hbgear.harmonic.instants.pattern import Pattern
 from hbgear.harmonic.instants.sampling import coefficients
 from hbgear.harmonic.instants.shooting import Iterate, Linearisation, residual_scale
 
 
-def observed_motion(ode: EquationsAt, iterate: Iterate, H: int, values: list[float]) -> tuple[Array, dict[str, Any]]:
-    """Return the coefficients up to H and the parameters ``values`` in one array, and regime and error of a motion."""
-    rows, rms = coefficients(ode, iterate, H)
-    return np.append(rows.ravel(), values), {"regime": regime_of(iterate.pattern, ode.equations.m), "error": rms}
+def observed_point(
+    ode: EquationsAt, iterate: Iterate, linearised: Linearisation, H: int, values: list[float], change: float
+) -> CurvePoint:
+    """Return a point of a branch: coefficients up to H and the parameters ``values``, with regime and error.
 
-
-def relative_residual(linearised: Linearisation, iterate: Iterate, rows: Array) -> float:
-    """Return the largest residual over the size of the states and of the coefficients of the motion.
-
-    The states at the switches alone may be zero: where a contact begins, gap and velocity are.
+    ``change`` is that of the last parameter along the tangent. The residual is relative to the states and coefficients,
+    because the states at the switches alone may be zero: where a contact begins, gap and velocity are.
     """
+    rows, rms = coefficients(ode, iterate, H)
+    u, tangent = np.append(rows.ravel(), values), np.append(np.zeros(rows.size + len(values) - 1), 1.0)
     size = max(residual_scale(iterate), float(np.abs(rows).max(initial=0.0)))
-    return float(np.abs(linearised.R).max(initial=0.0)) / size
+    residual = float(np.abs(linearised.R).max(initial=0.0)) / size
+    direction = int(np.sign(change)) if abs(change) > 1e-12 else 0
+    observed = {"regime": regime_of(iterate.pattern, ode.equations.m), "error": rms}
+    return CurvePoint(u, tangent, 1, residual, 0, parameter_direction=direction, observed=observed)
 
 
 def regime_of(pattern: Pattern, m: int) -> Any:
@@ -41,8 +43,6 @@ def reporter(progress: Any, name: str, span: tuple[float, float]) -> Callable[[f
 
     def report(value: float, points: int, step: float) -> None:
         if progress is not None:
-            done = min(max((value - span[0]) / (span[1] - span[0]), 0.0), 1.0)
-            text = f"{name} = {value:.5f}, {points} points, step {step:.1e}"
-            progress(Progress(done, text, {"value": value, "points": points, "step": step}))
+            progress(curve_progress(name, value, span, points, step))
 
     return report

@@ -6,8 +6,6 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-
 from hbgear.continuation.curve.builder import SpecialPointMark, build_branch
 from hbgear.continuation.curve.segment import CurvePoint
 from hbgear.continuation.events.accuracy import PARAMETER_ROUNDING
@@ -15,7 +13,7 @@ from hbgear.continuation.events.event import Event, LocatedEvent
 from hbgear.continuation.results.branch import Branch
 from hbgear.harmonic.instants.corrector import Family
 from hbgear.harmonic.instants.following import ExactCurve
-from hbgear.harmonic.instants.observables import observed_motion, relative_residual
+from hbgear.harmonic.instants.observables import observed_point
 from hbgear.harmonic.instants.special_points.critical import ExactPoint
 
 EXACT_ERRORS = {"BP": 1e-7, "EP": 1e-7}
@@ -63,11 +61,9 @@ def _grazing_text(problem: Any, switch: Any, point: ExactPoint) -> str:
 def _curve_point(problem: Any, family: Family, point: ExactPoint, step: float, stability: bool) -> CurvePoint:
     """Return a point of a branch: harmonics, multipliers, regime."""
     ode, iterate = family(point.state.value), point.state.iterate
-    u, observed = observed_motion(ode, iterate, problem.H, [point.state.value])
-    observed |= {"instants": iterate.tau % ode.period, "shortest": float(iterate.durations(ode.period).min())}
+    out = observed_point(ode, iterate, point.linearised, problem.H, [point.state.value], float(point.tangent[-1]))
+    out.step, out.iterations = step, point.iterations
+    out.observed |= {"instants": iterate.tau % ode.period, "shortest": float(iterate.durations(ode.period).min())}
     if stability:
-        observed |= {"multipliers": point.multipliers, "modulus_error": math.nan}
-    direction = int(np.sign(point.tangent[-1])) if abs(point.tangent[-1]) > 1e-12 else 0
-    tangent = np.append(np.zeros(len(u) - 1), 1.0)
-    residual = relative_residual(point.linearised, iterate, u[:-1])
-    return CurvePoint(u, tangent, 1, residual, point.iterations, step, direction, observed)
+        out.observed |= {"multipliers": point.multipliers, "modulus_error": math.nan}
+    return out

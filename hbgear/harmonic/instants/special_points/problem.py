@@ -24,7 +24,7 @@ from hbgear.continuation.solvers.newton import NoConvergence
 from hbgear.continuation.stepping.control import StepControl
 from hbgear.continuation.tracing.state import set_up
 from hbgear.harmonic.instants.corrector import CurveState
-from hbgear.harmonic.instants.observables import observed_motion, relative_residual, reporter
+from hbgear.harmonic.instants.observables import observed_point, reporter
 from hbgear.harmonic.instants.sampling import coefficients
 from hbgear.harmonic.instants.special_points.critical import ExactPoint, exact_point, point_on_curve
 from hbgear.harmonic.instants.special_points.grazing import Grazing
@@ -220,13 +220,11 @@ class ExactSpecialPointProblem(SpecialPointProblem):
 
     def _curve_point(self, surface: Surface, motion: SpecialMotion, step: float) -> CurvePoint:
         """Return a point of the branch."""
-        point, iterate = motion.point, motion.point.state.iterate
-        values = [point.state.value, point.second]
-        u, observed = observed_motion(surface.at(point), iterate, self.problem.H, values)
-        direction = int(np.sign(motion.tangent[-1])) if abs(motion.tangent[-1]) > 1e-12 else 0
-        tangent = np.append(np.zeros(len(u) - 1), 1.0)
-        residual = relative_residual(point.linearised, iterate, u[: -len(values)])
-        return CurvePoint(u, tangent, 1, residual, 0, step, direction, observed)
+        point, values = motion.point, [motion.point.state.value, motion.point.second]
+        equations, change = surface.at(point), float(motion.tangent[-1])
+        out = observed_point(equations, point.state.iterate, point.linearised, self.problem.H, values, change)
+        out.step = step
+        return out
 
 
 MAX_RELOCATION = 1e-3
