@@ -25,9 +25,10 @@ from hbgear.common.arrays import Array
 from hbgear.harmonic.equations.evaluator import Evaluator
 from hbgear.harmonic.forces.aft import roots_of
 from hbgear.harmonic.forces.breakpoints import gap_samples
+from hbgear.harmonic.forces.damped_contacts import depth_and_force
 from hbgear.mechanics.laws.mesh_contacts import ToothContact, contacts_of
 from hbgear.mechanics.laws.vector_laws import VectorLaw
-from hbgear.mechanics.series.fourier import derive, evaluate, to_complex, to_real, waves
+from hbgear.mechanics.series.fourier import derive, evaluate, to_real, waves
 
 EDGE_SAMPLES = 32
 """Samples for each harmonic [-] among which the extremum of an edge is searched, and of each refinement."""
@@ -322,9 +323,7 @@ def _nearest_clip(evaluator: Evaluator, X: Array, omega: float) -> float:
     for j, law in evaluator.damped:
         for contact in law.damped:
             if contact.clipped:
-                c = contact.side * to_complex(rows[j])
-                c[0] -= contact.gap
-                force = contact.k * c + contact.c * omega * derive(c)
+                _, force = depth_and_force(contact, rows[j], omega)
                 extrema = evaluate(to_real(force), roots_of(derive(force))) / (contact.k + contact.c * omega)
                 smallest = min(smallest, float(np.abs(extrema).min(initial=math.inf)))
     return smallest

@@ -96,9 +96,7 @@ class DampedContacts:
         H = rows.shape[2] // 2
         for p, omega in enumerate((Omega / self.nu).tolist()):
             for j, contact in self.contacts:
-                c = contact.side * to_complex(rows[p, j])
-                c[0] -= contact.gap
-                y = contact.k * c + contact.c * omega * derive(c)
+                _, y = depth_and_force(contact, rows[p, j], omega)
                 two_sided = np.concatenate([0.5 * y[:0:-1].conj(), [y[0]], 0.5 * y[1:]])
                 s = _indicator(intervals(contact, rows[p, j], omega).ends, int(orders.max(initial=0)) + H)
                 distance = np.abs(orders[:, None] - np.arange(-H, H + 1))
@@ -106,13 +104,19 @@ class DampedContacts:
                 f[p, j] += 2 * contact.side * (np.where(is_negative, s[distance].conj(), s[distance]) @ two_sided)
 
 
+def depth_and_force(contact: DampedContact, row: Array, omega: float) -> tuple[ComplexArray, ComplexArray]:
+    """Return the harmonics (H + 1,) of delta and y of a contact that acts at all times, from the row (2H + 1,)."""
+    depth = contact.side * to_complex(row)
+    depth[0] -= contact.gap
+    return depth, contact.k * depth + contact.c * omega * derive(depth)
+
+
 def intervals(contact: DampedContact, row: Array, omega: float) -> Intervals:
     """Return the intervals in which a contact acts, to rounding, from the row (2H + 1,) of the displacement."""
-    c = contact.side * to_complex(row)
-    c[0] -= contact.gap
-    roots = roots_of(c)
+    depth, force = depth_and_force(contact, row, omega)
+    roots = roots_of(depth)
     if contact.clipped:
-        force_roots = roots_of(contact.k * c + contact.c * omega * derive(c))
+        force_roots = roots_of(force)
         theta = np.concatenate([roots, force_roots])
         order = np.argsort(theta, kind="stable")
         theta, jumps = theta[order], (np.arange(len(theta)) < len(roots))[order]
@@ -152,6 +156,6 @@ def _basis(theta: Array, H: int) -> Array:
 
 def _impulses(waves: Array) -> Array:
     """Return the coefficients (2H + 1, J) of unit impulses at the phases of basis values (2H + 1, J)."""
-    out: Array = waves / np.pi
+    out = waves / np.pi
     out[0] *= 0.5
     return out
