@@ -1,9 +1,10 @@
-"""Bounds of a parameter in a search: given ones, or multiples of the value of the model."""
+"""Bounds of a parameter in a search, given ones or multiples of the value of the model, and checked scatter."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
+from hbgear.common.ranges import NOT_NEGATIVE, checked
 from hbgear.common.text.messages import quoted
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 
@@ -32,3 +33,11 @@ def bounds_of(
     if not low < high or low not in allowed or high not in allowed:
         raise ValueError(f"{caller}: bounds of {name} = {quoted(tuple(bounds))} must ascend, and {allowed}")
     return low, high
+
+
+def check_scatter(caller: str, scatter: Mapping[str, float]) -> None:
+    """Raise ValueError, which names the caller, without standard deviations or if one of them is negative."""
+    if not scatter:
+        raise ValueError(f"{caller}: name at least one parameter that scatters, such as {{'zeta': 0.002}}")
+    for name, deviation in scatter.items():
+        checked(caller, name, deviation, NOT_NEGATIVE)

@@ -24,13 +24,14 @@ from hbgear.analysis.parameter_sensitivity.sensitivity import sensitivity
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.process.progress import Progress, ProgressCallback
-from hbgear.common.ranges import NOT_NEGATIVE, checked, counted
+from hbgear.common.ranges import counted
 from hbgear.common.text.messages import quoted
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Jump
 from hbgear.continuation.results.termination import raise_if_interrupted
 from hbgear.continuation.solvers.newton import SEARCH_ERRORS
 from hbgear.continuation.tracing.trace import trace
+from hbgear.design.bounds import check_scatter
 from hbgear.harmonic.models.frequency_units import MESH, PINION, speeds_at
 from hbgear.mechanics.plausibility import ImplausibleInputWarning
 
@@ -144,10 +145,7 @@ def jump_tolerance(
     """
     counted("jump_tolerance: draws", draws, 1_000_000)
     counted("jump_tolerance: seed", seed, least=0)
-    if not spread:
-        raise ValueError("jump_tolerance: name at least one parameter that scatters, such as {'zeta': 0.002}")
-    for name, deviation in spread.items():
-        checked("jump_tolerance", name, deviation, NOT_NEGATIVE)
+    check_scatter("jump_tolerance", spread)
     if not branch.jumps():
         raise ValueError("the curve has no jumps; trace it with stability over a span with folds")
     names, s = tuple(spread), np.array([float(x) for x in spread.values()])

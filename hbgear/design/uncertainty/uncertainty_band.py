@@ -30,12 +30,13 @@ from hbgear.analysis.parameter_sensitivity.units import LENGTH, measured_along, 
 from hbgear.analysis.quantities.length_units import MICROMETRE, dimension_of
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
-from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, checked
+from hbgear.common.ranges import POSITIVE, checked
 from hbgear.common.text.messages import did_you_mean, quoted
 from hbgear.common.units import to_si
 from hbgear.continuation.augmented.sensitivity import of_curve
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.solvers.newton import NoConvergence
+from hbgear.design.bounds import check_scatter
 from hbgear.design.fitting.fit import Fit
 from hbgear.design.fitting.measurements import FREQUENCIES
 from hbgear.harmonic.contact_instants.problem import ContactInstants
@@ -107,8 +108,7 @@ class ResponseBand:
 
     def _deviation_along(self, axis: int) -> Array:
         with np.errstate(divide="ignore", invalid="ignore"):
-            deviation: Array = self.size[axis] * self.deviation / np.abs(self.normal[:, axis])
-        return deviation
+            return self.size[axis] * self.deviation / np.abs(self.normal[:, axis])
 
     @checked_arguments()
     def edges(self, sigmas: float = 2.0) -> tuple[Array, Array]:
@@ -221,10 +221,7 @@ def _covariance(scatter: Mapping[str, float] | Fit) -> tuple[tuple[str, ...], Ar
                 f"response_band: the fit does not determine {', '.join(lost)}; fit without these parameters"
             )
         return scatter.names, scatter.covariance
-    if not scatter:
-        raise ValueError("response_band: name at least one parameter that scatters, such as {'zeta': 0.002}")
-    for name, deviation in scatter.items():
-        checked("response_band", name, deviation, NOT_NEGATIVE)
+    check_scatter("response_band", scatter)
     return tuple(scatter), np.diag([float(s) ** 2 for s in scatter.values()])
 
 

@@ -86,10 +86,7 @@ def loaded_mesh(
     if they are crowned or misaligned, and follows from the overlap ratio of helical gears. ``linearized`` is the
     "secant" or "tangent" stiffness of the loaded mesh. ValueError is raised if an argument is not valid.
     """
-    torque = to_si("GearPair.mesh", "torque", torque, "N m")
-    if torque <= 0:
-        raise ValueError(f"GearPair.mesh: torque = {torque:g} N m must be positive: the mesh is computed under "
-                         "load, and a model without a mean torque needs torque orders")  # fmt: skip
+    torque = loading_torque("GearPair.mesh", torque)
     if not isinstance(linearized, str) or linearized not in ("secant", "tangent"):
         raise ValueError(f"GearPair.mesh: linearized = {quoted(linearized)} must be 'secant' or 'tangent'")
     counted("GearPair.mesh: phases", phases, 100_000, least=8)
@@ -103,6 +100,15 @@ def loaded_mesh(
     smallest_gap = np.min(np.where(contacts.present, contacts.gap - contacts.spread, np.inf), axis=1)
     error = smallest_gap if linearized == "secant" else delta - force / tangent
     return MeshCycle(MeshTable(phase, force / (delta - error)), MeshTable(phase, error), force)
+
+
+def loading_torque(caller: str, torque: Any) -> float:
+    """Return a torque [N m]; ValueError, which names the caller, if it is not positive."""
+    value = to_si(caller, "torque", torque, "N m")
+    if value <= 0:
+        raise ValueError(f"{caller}: torque = {value:g} N m must be positive: the mesh is computed under load, and a "
+                         "model without a mean torque needs torque orders")  # fmt: skip
+    return value
 
 
 def cycle_phases(pair: GearPair, count: int) -> tuple[Array, Array]:

@@ -291,7 +291,7 @@ def _joined(a: Array, b: Array) -> Array:
 
 def _at(table: MeshTable, x: Array) -> Array:
     """Return the values of a table at phases; a phase that occurs twice in ``x`` marks a jump."""
-    out: Array = np.interp(x, table.phase, table.value)
+    out = np.interp(x, table.phase, table.value)
     for i in range(len(x)):
         rows = np.flatnonzero(table.phase == x[i])
         if len(rows) == 2:

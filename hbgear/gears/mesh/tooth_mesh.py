@@ -34,13 +34,13 @@ import numpy as np
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import counted
-from hbgear.common.units import to_si
 from hbgear.gears.drawing.tooth_errors import error_period, gap_waves, pair_gaps
 from hbgear.gears.mesh.loaded_mesh import (
     Contacts,
     contact_compliance,
     contacts_at,
     cycle_phases,
+    loading_torque,
     possible_contacts,
     relief_length,
     static_equilibrium,
@@ -169,9 +169,7 @@ def tooth_mesh(pair: GearPair, torque: Any, *, slices: int | None = None) -> Too
     >>> f"{mesh.force:.4g}"
     '5676'
     """
-    torque = to_si("tooth_mesh", "torque", torque, "N m")
-    if torque <= 0:
-        raise ValueError(f"tooth_mesh: torque = {torque:g} N m must be positive: the mesh is computed under load")
+    torque = loading_torque("tooth_mesh", torque)
     if slices is None:
         helical = max(MIN_HELICAL_SLICES, ceil(SLICES_PER_OVERLAP * pair.overlap_ratio)) if pair.overlap_ratio else 0
         slices = helical or (CROWNED_SLICES if pair.is_uneven else 1)
