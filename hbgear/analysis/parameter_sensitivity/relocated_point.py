@@ -50,10 +50,6 @@ class RelocatedPoint:
         """Return all parameters, of which some are changed."""
         return _changed(self._parameters, self._names, changes)
 
-    def at(self, changes: Array) -> float:
-        """Return the value of the parameter of the branch at the point, for changes of the parameters; see `solved`."""
-        return float(self.solved(changes)[0][-1])
-
     def slopes(self, U: Array, parameters: Mapping[str, float]) -> Slopes:
         """Return the derivatives of the unknowns and of the parameter of the branch at a point of `solved`."""
         return of_special(self._equations, U, parameters, self._names)

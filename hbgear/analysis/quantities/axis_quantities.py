@@ -22,7 +22,7 @@ from hbgear.analysis.quantities.engineering_quantities import (
     problem_along,
     transmission_error,
 )
-from hbgear.analysis.quantities.length_units import MICROMETRE, dimension_of, in_figure, in_micrometres
+from hbgear.analysis.quantities.length_units import MICROMETRE, dimension_of, factor_of, in_figure, in_micrometres
 from hbgear.common.arrays import Array
 from hbgear.common.text.digits import short
 from hbgear.common.text.messages import quoted
@@ -30,7 +30,7 @@ from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point
 from hbgear.harmonic.autonomous.backbone import AMPLITUDE
 from hbgear.harmonic.autonomous.tori.layout import TorusLayout
-from hbgear.harmonic.equations.layout import Layout, layout_of
+from hbgear.harmonic.equations.layout import layout_of
 from hbgear.harmonic.models.frequency_units import (
     MESH,
     PINION,
@@ -315,9 +315,8 @@ class Ordinate:
 
     def label(self, branch: Branch) -> str:
         """Return the label of the axis."""
-        layout = layout_of(branch)
         if self.is_amplitude:
-            return in_figure(axis_text(self.measure, self._motion(branch, layout)))
+            return in_figure(axis_text(self.measure, self.motion(branch)))
         title = machine_quantities(self.prepared(branch)[0], self.element, self.dof).title(self.measure)
         title = in_figure(title.replace("dte, half peak-to-peak", "dynamic transmission error, half peak-to-peak"))
         return title + (f" of {self.dof}" if self.dof is not None and self.measure.startswith("acc") else "")
@@ -326,18 +325,14 @@ class Ordinate:
         """Return the header of a column of a table."""
         if not self.is_amplitude:
             return machine_quantities(self.prepared(branch)[0], self.element, self.dof).title(self.measure)
-        dimension = self._dimension
+        dimension = dimension_of(self.measure)
         unit = f"{MICROMETRE}^{dimension}" if dimension > 1 else MICROMETRE
         has_length = dimension and self._length(model_of(branch), branch.parameters_at(0)) is not None
         return f"{self.measure} [{unit}]" if has_length else self.measure
 
-    @property
-    def _dimension(self) -> int:
-        """Power of the length in the measure; 0 for ratios and for measures with their own unit."""
-        return dimension_of(self.measure)
-
-    def _motion(self, branch: Branch, layout: Layout | None) -> str:
+    def motion(self, branch: Branch) -> str:
         """Return the symbol of the motion of the element with its unit."""
+        layout = layout_of(branch)
         if layout is None:
             return motion_text({})
         index = layout.index(self.element)
@@ -347,27 +342,21 @@ class Ordinate:
         return in_micrometres(motion_text(layout.labels), name)
 
     def _length(self, model: Model | None, parameters: dict[str, float]) -> float | None:
-        """Return the unit of amplitudes [um]; None if amplitudes keep the unit of the model."""
+        """Return the unit of length [m]; None if amplitudes keep the unit of the model."""
         if self.dimensionless or model is None:
             return None
         changed = {name: value for name, value in parameters.items() if name != "Omega"}
         key = id(model), tuple(changed.items())
         if key not in self._lengths:
-            length = length_scale(model, changed)
-            self._lengths[key] = None if length is None else 1e6 * length
+            self._lengths[key] = length_scale(model, changed)
         return self._lengths[key]
 
     def factor(self, branch: Branch) -> float:
         """Return the unit of amplitudes [um] at the first point of a branch; 1 if it keeps the unit of the model."""
         return self._factor(model_of(branch), branch.parameters_at(0))
 
-    def motion(self, branch: Branch) -> str:
-        """Return the symbol of the motion of the element with its unit."""
-        return self._motion(branch, layout_of(branch))
-
     def _factor(self, model: Model | None, parameters: dict[str, float]) -> float:
-        length = self._length(model, parameters)
-        return 1.0 if length is None else length**self._dimension
+        return float(factor_of(self.measure, self._length(model, parameters)))
 
     def _factors(self, branch: Branch) -> Array:
         model = model_of(branch)
