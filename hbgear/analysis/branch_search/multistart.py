@@ -422,10 +422,8 @@ def random_motions(problem: HarmonicBalance, motions: list[Array], count: int, r
         if i % 2:  # motions of the size of the known ones, with smaller higher harmonics
             scale, weight = size * 10 ** rng.uniform(-0.7, 1.0), np.arange(1, highest + 1) ** -0.5
         else:  # large motions, the harmonic of the excitation as large as the subharmonics
-            scale, weight = (
-                size * 10 ** rng.uniform(-0.7, 1.2),
-                np.where(problem.orders[1 : highest + 1] <= problem.nu, 1, 0.5),
-            )
+            scale = size * 10 ** rng.uniform(-0.7, 1.2)
+            weight = np.where(problem.orders[1 : highest + 1] <= problem.nu, 1, 0.5)
         phases = rng.uniform(0, 2 * np.pi, highest)
         c[:, 1 : highest + 1] = scale * weight * rng.uniform(0, 1, highest) * np.exp(1j * phases)
         c[:, 0] = means[i % len(means)] + rng.normal(0, 0.3, problem.m) * scale

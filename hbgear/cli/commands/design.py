@@ -148,10 +148,8 @@ def critical(
     model_value = problem.value_of(parameter)
     side = "below" if result.jump_below else "above"
     digits = digits_of(result.point)
-    axis, unit = (
-        OmegaAxis.of(problem.model_at({parameter: result.value}), dimensionless),
-        unit_after(problem.model, parameter),
-    )
+    axis = OmegaAxis.of(problem.model_at({parameter: result.value}), dimensionless)
+    unit = unit_after(problem.model, parameter)
     print(f"{parameter} = {text_at(result.point, parameter)}{unit}: a jump exists {side} this value and vanishes at it")
     Omega = result.point.parameters["Omega"]
     print(f"it appears at {axis.text(Omega) if axis.is_speed else 'Omega = ' + text_at(result.point, 'Omega')}")

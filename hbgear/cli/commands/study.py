@@ -103,10 +103,8 @@ def _print_indices(results: Cases) -> None:
     """Print Sobol indices of each number of the table."""
     from hbgear.design.uncertainty.sobol import sobol_indices
 
-    skipped, columns = (
-        {*results.names, "case", "reason", "seconds"},
-        zip(results.table, results.physical_table, strict=True),
-    )
+    skipped = {*results.names, "case", "reason", "seconds"}
+    columns = zip(results.table, results.physical_table, strict=True)
     for quantity in [shown_name for name, shown_name in columns if name not in skipped]:
         try:
             indices = sobol_indices(results, quantity)

@@ -75,9 +75,8 @@ class BranchPointProblem(MinimallyAugmentedProblem):
         u, s, vt = scipy.linalg.svd(_matrix(evaluation) * scale)
         if len(s) > 1 and s[-2] <= MIN_SECOND_SINGULAR_VALUE * s[0]:
             raise ValueError("more than two curves cross here: the point is not a simple branch point")
-        return BranchPointResidual(
-            evaluation.size / (float(s[0]) or 1.0), u[:, -1], vt[-2:].T, scale
-        )  # s[0] is zero if all entries are
+        largest = float(s[0]) or 1.0  # zero if all entries are
+        return BranchPointResidual(evaluation.size / largest, u[:, -1], vt[-2:].T, scale)
 
     def update_borders(self, base: Borders, X: Array, parameters: dict[str, float]) -> Borders:
         """Return the borders at X with the orientation of the previous ones."""

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -124,7 +125,7 @@ def estimate_error(segment: Segment, event: LocatedEvent, accuracy: float, work:
         error = _estimate(segment, event, problem, goal, points)
         if math.isinf(error) and event.located:
             work.estimates(0, FAILED_COMPARISON_COST)
-        finer = None if problem.refined_problem is None else problem.refined_problem
+        finer = problem.refined_problem
         if (error <= goal and _deviation(segment, event) <= MAX_MULTIPLIER_DEVIATION) or finer is None:
             break
         if not work.allows(finer.equivalent_size, LOCATION_COST):
@@ -221,11 +222,9 @@ def _at_other_resolution(segment: Segment, event: LocatedEvent, problem: Continu
             second = _on_segment(segment, event, problem)
             return second if second.distance < first.distance else first
     if event.located and isinstance(event.event, FoldEvent):
-        try:
+        with suppress(*SOLVER_ERRORS):
             change = _fold_shift(segment, event.refined.point if event.refined else event.point, problem)
             return Comparison(event.value + change, 0.0, lambda: _on_segment(segment, event, problem).locate())
-        except SOLVER_ERRORS:
-            pass
     return _on_segment(segment, event, problem)
 
 

@@ -239,11 +239,8 @@ def find_even_crossings(
     for i in segments:
         if not 0 <= positions[i] < 1:
             continue
-        part, low, length = (
-            segment.part(curve_points[i], curve_points[i + 1]),
-            positions[i],
-            positions[i + 1] - positions[i],
-        )
+        part, low = segment.part(curve_points[i], curve_points[i + 1]), positions[i]
+        length = positions[i + 1] - low
         for point in detector.find(part):
             s = low + point.s * length
             end = kinds[0] if s < END_POINT_FRACTION else kinds[1] if s > 1 - END_POINT_FRACTION else ""

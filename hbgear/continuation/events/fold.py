@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -49,11 +50,8 @@ class FoldEvent(BuiltInEvent):
 
         dp/ds = a + b s + c s^2,   smallest at s = -b / 2c
         """
-        p, length, tangents = (
-            unknowns(points)[:, -1],
-            lengths(points, scale),
-            np.array([point.tangent for point in points]),
-        )
+        p, length = unknowns(points)[:, -1], lengths(points, scale)
+        tangents = np.array([point.tangent for point in points])
         slope = tangents[:, -1] / norms(tangents / scale)
         # dp/ds = begin + b s + c s^2: an extremum within (0, 1) towards zero from ends of equal sign
         begin, end, rise = slope[:-1] * length, slope[1:] * length, 6 * (p[1:] - p[:-1])
@@ -77,17 +75,11 @@ class FoldEvent(BuiltInEvent):
         if a.tangent[-1] * b.tangent[-1] >= 0:  # the fold lies on a section of constant parameter
             return [LocatedEvent(self, 0.0, a, True)]
         if segment.problem.smooth and a.orientation == b.orientation:
-            try:
-                return [
-                    locate_by_newton(
-                        segment, self, FoldProblem(segment.problem, segment.name), fold_on_segment(segment)
-                    )
-                ]
-            except SOLVER_ERRORS:
-                pass
-        first = (
-            math.nan if segment.problem.is_nonsmooth else fold_on_segment(segment)
-        )  # at a breakpoint a fold may lie anywhere
+            equations = FoldProblem(segment.problem, segment.name)
+            with suppress(*SOLVER_ERRORS):
+                return [locate_by_newton(segment, self, equations, fold_on_segment(segment))]
+        # at a breakpoint a fold may lie anywhere
+        first = math.nan if segment.problem.is_nonsmooth else fold_on_segment(segment)
         return [locate_root(segment, self, lambda point: float(point.tangent[-1]), fine=1e-9, first=first)]
 
     def equations(self, problem: Any, parameter: str, point: Any) -> MinimallyAugmentedProblem | None:

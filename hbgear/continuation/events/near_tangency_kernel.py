@@ -57,7 +57,7 @@ def _parabola_minimum(before: float, mid: float, after: float, h: float, k: floa
     bend, slope = (fall - rise) / (h + k), (rise * k + fall * h) / (h + k)
     if not bend * mid > 0.0:
         return math.nan
-    distance: float = -0.5 * slope / bend
+    distance = -0.5 * slope / bend
     return distance if 1.0 + 0.5 * slope * distance / mid <= ratio else math.nan
 
 
@@ -66,8 +66,8 @@ def _secant_intersection(before: float, a: float, b: float, after: float, length
     """Return the fraction of segment i, from a to b, at which the secants of both sides reach zero; nan if none."""
     if not (before * a > 0.0 and a * b > 0.0 and b * after > 0.0):
         return math.nan
-    first: float = a / (before - a) * (length[i - 1] / length[i])
-    last: float = 1.0 - b / (after - b) * (length[i + 1] / length[i])
+    first = a / (before - a) * (length[i - 1] / length[i])
+    last = 1.0 - b / (after - b) * (length[i + 1] / length[i])
     if 0.0 < first < last < 1.0:
         return 0.5 * (first + last)
     if 0.0 < first < reach:

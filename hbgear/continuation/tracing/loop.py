@@ -259,10 +259,8 @@ class ContinuationLoop:
     def _append(self, points: list[CurvePoint]) -> None:
         """Store points, and process the pending segments once there are enough of them."""
         state, setup = self.state, self.state.setup
-        segments, direction = (
-            [PendingSegment(state.problem, state.scale)] * len(points),
-            state.points[-1].parameter_direction,
-        )
+        segments = [PendingSegment(state.problem, state.scale)] * len(points)
+        direction = state.points[-1].parameter_direction
         state.has_folded = state.has_folded or any(point.parameter_direction != direction for point in points)
         state.pending += segments  # no call, and so no Ctrl-C, comes between this statement and the next
         state.points += points

@@ -150,9 +150,8 @@ class DoubleHelicalPair(DoubleHelicalGeometry):  # numpydoc ignore=PR02
         for first, gear, shaft in ((0, "p", self.shaft_p), (6, "g", self.shaft_g)):
             inertia, c, k = self._node(gear)
             k_shaft = np.array([shaft.bending, shaft.bending, shaft.axial, 0.0, 0.0, shaft.torsional])
-            c_shaft = (
-                2 * self.zeta * np.sqrt(k_shaft * inertia / 2)
-            )  # two halves vibrate against each other: half the mass
+            # two halves vibrate against each other: half the mass
+            c_shaft = 2 * self.zeta * np.sqrt(k_shaft * inertia / 2)
             for node, opposite in ((first, first + 12), (first + 12, first)):
                 rows, columns = np.arange(node, node + 6), np.arange(opposite, opposite + 6)
                 M[rows, rows], C[rows, rows], K[rows, rows] = inertia, c + c_shaft, k + k_shaft

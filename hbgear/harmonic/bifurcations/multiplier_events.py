@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
@@ -122,10 +123,8 @@ class PeriodDoublingEvent(BuiltInEvent):
         smooth = segment.problem.smooth
         extended = PeriodDoublingProblem(segment.problem, segment.name) if smooth else None
         if extended is not None:
-            try:
+            with suppress(*SOLVER_ERRORS):
                 return locate_by_newton(segment, self, extended, before / (before - after))
-            except SOLVER_ERRORS:
-                pass
         rough = locate_root(
             segment, self, lambda point: float(scaled_determinant(multipliers_at(segment, point)[None], -1.0)[0])
         )
@@ -269,9 +268,8 @@ class NeimarkSackerEvent(BuiltInEvent):
         located = []
         for rank in range(lower, upper, 2):
             crossing = self._locate_crossing(segment, rank)
-            size = ranked_modulus(
-                complex_multipliers(multipliers_at(segment, crossing.point)), rank
-            )  # else the pair became real outside the circle
+            size = ranked_modulus(complex_multipliers(multipliers_at(segment, crossing.point)), rank)
+            # else the pair became real outside the circle
             if crossing.located and abs(size - 1.0) < DOUBLE_MULTIPLIER_DISTANCE:
                 located.append(self._refine(segment, crossing))
         return located or self._locate_pair_becoming_real(segment, ends) or self._locate_on_subsegments(segment, ends)

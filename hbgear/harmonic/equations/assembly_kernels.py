@@ -73,11 +73,8 @@ def workspace_for(packed: Any) -> Any:
     K = linear.orders.shape[0]
     matrices, constants = np.zeros((2, K, m, m), np.complex128), np.zeros((2, K, m), np.complex128)
     w, pole_terms, sums = np.empty(K), np.empty((2, K)), np.empty((4, linear.residues.shape[0], K))
-    space, coefficients, work = (
-        projection_workspace(packed, m, H, 2 * H),
-        np.zeros((m, 2 * H + 1)),
-        np.empty((3, K, m, m), np.complex128),
-    )
+    space, coefficients = projection_workspace(packed, m, H, 2 * H), np.zeros((m, 2 * H + 1))
+    work = np.empty((3, K, m, m), np.complex128)
     return Workspace(space, coefficients, matrices, constants, w, pole_terms, sums, work)
 
 
@@ -247,10 +244,8 @@ def _add_samples(
     """Add forces and slopes of one compiled law, evaluated by AFT; return the norm of the forces."""
     j, orders, nu = user_laws.element[index], packed.linear.orders, packed.linear.nu
     n, total = 2 * orders.shape[0] - 1, 0.0
-    samples, part = (
-        samples_of(user_laws, packed, coefficients, index, omega),
-        np.empty(coefficients.shape[1], dtype=np.complex128),
-    )
+    samples = samples_of(user_laws, packed, coefficients, index, omega)
+    part = np.empty(coefficients.shape[1], dtype=np.complex128)
     spectrum(samples[:, 0], packed.basis, part)
     for i in range(orders.shape[0]):
         k = orders[i]

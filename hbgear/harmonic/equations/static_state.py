@@ -146,9 +146,8 @@ def _characteristic_lengths(compiled: Evaluator, Omega: float) -> Array:
     law_stiffness = np.abs(
         np.diag(compiled.linear(Omega).Z[0].real + _mean_force_and_stiffness(compiled, np.zeros(compiled.m))[1])
     )
-    stiffness = np.where(
-        law_stiffness > _ZERO_STIFFNESS_RATIO * springs, law_stiffness, springs
-    )  # change of a smooth law that is significant
+    is_stiff = law_stiffness > _ZERO_STIFFNESS_RATIO * springs  # change of a smooth law that is significant
+    stiffness = np.where(is_stiff, law_stiffness, springs)
     for j in np.flatnonzero(lengths == 0):
         lengths[j] = 0.0 if compiled.laws[j].breakpoints else bend(compiled.laws[j], float(stiffness[j]))
     if not lengths.all():

@@ -161,9 +161,8 @@ class Follower:
         orientation = normal * math.copysign(1.0, self.span[1] - self.span[0])
         if direction is not None:
             self.origin, unit = state, direction / np.linalg.norm(direction / scale)
-            state, ahead = departure_states(
-                state, DEPARTURE, unit, self.family(state.value).period
-            )  # equations are singular where curves cross
+            # equations are singular where curves cross
+            state, ahead = departure_states(state, DEPARTURE, unit, self.family(state.value).period)
             orientation = normal = (ahead.z - state.z) / scale
         try:
             self._accept(_first_point(self.family, state, normal, scale, orientation), 0.0)

@@ -541,10 +541,8 @@ def monodromies(
     all elements is constant in each segment. Return 0, or the number of steps of a period if it exceeds ``max_steps``.
     """
     nu, m, size = packed.linear.nu, mobility.shape[0], out.shape[1]
-    space, samples = (
-        projection_workspace(packed, m, X.shape[1] // (2 * m), np.int64(0)),
-        circle(MODULATION_SAMPLES * nu),
-    )
+    space = projection_workspace(packed, m, X.shape[1] // (2 * m), np.int64(0))
+    samples = circle(MODULATION_SAMPLES * nu)
     work, stiffness = np.empty((6, MODULATION_SAMPLES * nu)), np.empty(MODULATION_SAMPLES * nu)
     theta, segments = segment_arrays(packed, space)
     number = slider_count(packed.sliders)
@@ -565,7 +563,7 @@ def monodromies(
         if exact:
             x, L, longest = schemes[3][0], schemes[3][1], 2 * math.pi
         longest = limit_step_by_growth(longest, omega, modes.poles)
-        count: float = 2 * math.pi / longest
+        count = 2 * math.pi / longest
         if count > max_steps:
             return count
         segment_count, steps = partition_period(packed, coefficients, longest, space, theta, segments)

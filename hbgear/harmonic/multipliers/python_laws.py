@@ -48,10 +48,8 @@ def monodromy_with_python_laws(
     block = _with_coupled_ports(block, compiled)
     packed, nu, ports = compiled.packed_of(X), compiled.nu, block.modes.ports
     rows, omega = X.reshape(compiled.m, -1), Omega / nu
-    space, coarse = (
-        projection_workspace(packed, compiled.m, rows.shape[1] // 2, 0),
-        stiffness_kernels.circle(stiffness_kernels.MODULATION_SAMPLES * nu),
-    )
+    space = projection_workspace(packed, compiled.m, rows.shape[1] // 2, 0)
+    coarse = stiffness_kernels.circle(stiffness_kernels.MODULATION_SAMPLES * nu)
     largest = np.abs(slopes_at(compiled, rows, omega, coarse[0])[0]).max(axis=1)
     for elements, slopes in vector_slopes_at(compiled, rows, omega, coarse[0]):
         largest[elements] += np.abs(slopes[0]).sum(axis=1).max(axis=1)

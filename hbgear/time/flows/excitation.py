@@ -101,10 +101,8 @@ class Excitation:
         begin, end = float(breakpoints[i - 1]), float(breakpoints[i])
         center, m = 0.5 * self.Omega * (begin + end), self.m
         rows = np.zeros((3 * m, 4))
-        rows[:m], rows[2 * m :] = (
-            _taylor_coefficients(self.displacements, center),
-            _taylor_coefficients(self._stiffness, center),
-        )
+        rows[:m] = _taylor_coefficients(self.displacements, center)
+        rows[2 * m :] = _taylor_coefficients(self._stiffness, center)
         rows[m : 2 * m, :3] = self.Omega * rows[:m, 1:] * [1, 2, 3]
         return Interval(begin, end, center, rows)
 
