@@ -58,7 +58,7 @@ class BranchSection:
 
     def amplitude(self, measure: str, element: int | str, derivative: int = 0) -> Array:
         """Return a measure of amplitude of each motion of the section; see `Branch.amplitude`."""
-        rest: Array = self.branch.amplitude(measure, element, derivative=derivative)[self.points]
+        rest = self.branch.amplitude(measure, element, derivative=derivative)[self.points]
         if self.landed is None:
             return rest
         layout = layout_of(self.landed)

@@ -227,7 +227,7 @@ def _direction(coupling: Array) -> Array:
     rounding = _RANK_ONE_TOLERANCE * values[-1]
     if np.abs(coupling - coupling.T).max() > rounding or np.abs(values[:-1]).max() > rounding:
         raise ValueError("the gears are not coupled along one line of action; their spring cannot become a gap")
-    w: Array = np.sqrt(values[-1]) * vectors[:, -1]
+    w = np.sqrt(values[-1]) * vectors[:, -1]
     w[np.abs(w) < _RANK_ONE_TOLERANCE * np.abs(w).max()] = 0.0
     largest = np.flatnonzero(np.abs(w) > 0.999 * np.abs(w).max())[0]  # the first of equal entries
     w *= np.sign(w[largest])

@@ -358,7 +358,7 @@ def _closed(system: System, Omega: float | None = None) -> tuple[Any, Any, Any]:
 
 def _orthonormal(shapes: Array, vectors: Array, M: Any) -> Array:
     """Return modes and the extra vectors, orthonormal in M; linearly dependent vectors are dropped."""
-    basis: Array = shapes / np.sqrt(np.einsum("ij,ij->j", shapes, M @ shapes))
+    basis = shapes / np.sqrt(np.einsum("ij,ij->j", shapes, M @ shapes))
     for vector in (vectors / np.sqrt(np.einsum("ij,ij->j", vectors, M @ vectors))).T:
         for _ in range(2):  # twice, because of rounding
             vector = vector - basis @ (basis.T @ (M @ vector))

@@ -57,7 +57,7 @@ def _structural(system: System, springs: Array, unknown: np.ndarray, fraction: f
     else:
         W = scipy.sparse.csc_array(system.W)
         K = scipy.sparse.csc_array(system.K) + W @ scipy.sparse.diags_array(springs) @ W.T
-    stiffness: Array = np.zeros(len(unknown))
+    stiffness = np.zeros(len(unknown))
     for i, w in enumerate(system.W[:, unknown].T):
         x = _solved(K, w)
         compliance = 0.0 if x is None else float(w @ x)
@@ -70,7 +70,7 @@ def _solved(K: Any, w: Array) -> Array | None:
     """Return K^-1 w, or None if K is singular."""
     with np.errstate(all="ignore"):
         try:
-            x: Array = np.linalg.solve(K, w) if isinstance(K, np.ndarray) else scipy.sparse.linalg.splu(K).solve(w)
+            x = np.linalg.solve(K, w) if isinstance(K, np.ndarray) else scipy.sparse.linalg.splu(K).solve(w)
         except (RuntimeError, np.linalg.LinAlgError):  # exactly singular
             return None
         size = abs(K) @ np.abs(x)
@@ -129,7 +129,7 @@ def at_rest(law: Law, d: Array) -> tuple[Array, Array]:
             return np.full(1, np.nan), np.full(1, np.nan)
     order = np.argsort(np.abs(d), kind="stable")
     inner, outer = order[: len(d) // 2], order[len(d) // 2 :]
-    out: Array = np.full((2, len(d)), np.nan)
+    out = np.full((2, len(d)), np.nan)
     out[:, inner] = at_rest(law, d[inner])
     if np.isfinite(out[:, inner]).any():
         out[:, outer] = at_rest(law, d[outer])

@@ -181,7 +181,7 @@ class Flow:
         tau = self.excitation.phase(t, interval)
         _, kd, kv = self._forces(line, d, v, tau, self.excitation.at(t, interval)[2])
         V = self.structure.variations(self.D, self.structure.V, kd, kv)
-        J: Array = self.A - (self.B * kd) @ self.D - (self.B * kv) @ V
+        J = self.A - (self.B * kd) @ self.D - (self.B * kv) @ V
         for rows, kd, kv in self._coupling(d, v, tau):
             J -= self.B[:, rows] @ (kd @ self.D[rows] + kv @ V[rows])
         return J

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from hbgear.analysis.certificates.conditions import NotCertifiedError
-from hbgear.common.arrays import Array
 from hbgear.harmonic.instants.equations import Equations
 from hbgear.mechanics.laws.laws import PiecewiseLinear
 from hbgear.mechanics.models import System
@@ -68,7 +67,7 @@ def _require_provable(system: System) -> None:
 
 def _matrix(A: Any) -> list[list[str]]:
     """Return a matrix as decimals."""
-    dense: Array = np.asarray(A.toarray() if hasattr(A, "toarray") else A, dtype=float)
+    dense = np.asarray(A.toarray() if hasattr(A, "toarray") else A, dtype=float)
     return [[decimal(x) for x in row] for row in dense]
 
 

@@ -153,7 +153,7 @@ def force_samples(
         return law.law.force(d, v, tau)[0][law.index]
     law = law.normal if isinstance(law, MeshContacts) else law
     d = gap(index)
-    force: Array = law.force(d, rate * gap(index, 1), tau)[0]
+    force = law.force(d, rate * gap(index, 1), tau)[0]
     for j, slider, limit in friction_limits(elements) if law.sliders else ():
         if j == index:
             normal = gap(limit.normal) if limit.normal >= 0 else None

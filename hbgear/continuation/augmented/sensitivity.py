@@ -191,7 +191,7 @@ def _minus_solutions(J: Factors, rows: Array) -> Array:
     """Return -J^-1 r for each row r of an array (A, n); LinAlgError if J is singular."""
     if not len(rows):
         return rows
-    solutions: Array = -J.solve(rows.T).T
+    solutions = -J.solve(rows.T).T
     if not np.isfinite(solutions).all():
         raise np.linalg.LinAlgError("singular matrix")
     return solutions

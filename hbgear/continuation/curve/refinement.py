@@ -9,6 +9,7 @@ estimates its error if errors decrease fast enough with the number of unknowns.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -56,20 +57,15 @@ def nearest_solution(
 
 def shortest_step(evaluation: Evaluation, R: Array, scale: Array) -> Array:
     """Return the step (n + 1,) of least norm, in units of ``scale``, with [dR/dX, dR/dp] step = -R; also at a fold."""
-    step: Array
     A = np.column_stack([evaluation.dR_dX, evaluation.dR_dp]) * scale
-    try:
+    with suppress(np.linalg.LinAlgError):
         y, t = np.vstack([solve_linear(A[:, :-1], np.column_stack([-R, -A[:, -1]])), [0.0, 1.0]]).T
         if norm(t) < MAX_STEEPNESS:
-            step = scale * (y - (t @ y) / (t @ t) * t)
-            return step
-    except np.linalg.LinAlgError:
-        pass
+            return scale * (y - (t @ y) / (t @ t) * t)
     factors, tau, _, _ = scipy.linalg.lapack.dgeqrf(A.T)  # A^T = Q T, y = Q T^-T (-R), at several times the cost
     y = np.zeros((len(scale), 1))
     y[:-1, 0] = scipy.linalg.lapack.dtrtrs(factors[:-1], -R, trans=1)[0]
-    step = scale * scipy.linalg.lapack.dormqr("L", "N", factors, tau, y, len(scale))[0][:, 0]
-    return step
+    return scale * scipy.linalg.lapack.dormqr("L", "N", factors, tau, y, len(scale))[0][:, 0]
 
 
 def refine_branch(branch: Branch) -> Branch:

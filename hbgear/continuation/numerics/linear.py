@@ -115,12 +115,10 @@ class Factors:
 
     def _solved(self, b: Array, operation: str) -> Array:
         """Return the solution with A ("N"), its transpose ("T") or its adjoint ("H")."""
-        x: Array
         if self._exchanged is not None:
             real = np.isrealobj(self._lu) and np.isrealobj(b)
             solve = scipy.linalg.lapack.dgetrs if real else scipy.linalg.lapack.zgetrs
-            x = solve(self._lu, self._exchanged, b, trans="NTH".index(operation))[0]
-            return x
+            return solve(self._lu, self._exchanged, b, trans="NTH".index(operation))[0]
         x = self._lu.solve(b, operation)
         if not math.isfinite(abs(x.sum())):
             raise np.linalg.LinAlgError("singular matrix")

@@ -62,8 +62,7 @@ def saved_fields(value: Any) -> dict[str, Any]:
 def relative_errors(X: Array, error: Array) -> Array:
     """Return the errors (P,) of solutions X (P, n) over their norms / sqrt 2, not finite at zero solutions."""
     with np.errstate(all="ignore"):
-        relative: Array = error * math.sqrt(2) / np.linalg.norm(X, axis=1)
-    return relative
+        return error * math.sqrt(2) / np.linalg.norm(X, axis=1)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -111,7 +111,7 @@ def _largest_change(equations: _Equations, u: Array, probe: Array, scale: Array)
         np.column_stack([as_dense(e.dR_dX), e.dR_dp]) * scale for e in (equations.at(u), equations.at(probe))
     )
     sizes = np.linalg.norm(beyond - before, axis=1)
-    row: Array = (beyond - before)[np.argmax(sizes)]
+    row = (beyond - before)[np.argmax(sizes)]
     return row * scale / (float(sizes.max()) or 1.0)
 
 

@@ -225,8 +225,7 @@ def next_step(step: float, iterations: int, turn: float, prediction_error: float
     by_turn = 0.5 * control[2] / max(turn, 0.1)
     by_miss = math.sqrt(0.5 * control[4] / max(prediction_error, 1e-9))
     factor = min(2.0, max(0.5, min(by_newton, min(by_turn, by_miss))))
-    length: float = min(control[1], max(control[0], factor * step))
-    return length
+    return min(control[1], max(control[0], factor * step))
 
 
 @kernel

@@ -164,8 +164,8 @@ class FitSearch:
                 if prediction is None:
                     return np.zeros((len(worst), len(x)))
                 J = prediction.jacobian(s)
-                filtered: Array = J * (np.linalg.norm(J, axis=0) * np.abs(x) > MIN_EFFECT)
-                return filtered  # without parameters whose effect is rounding
+                # without parameters whose effect is rounding
+                return J * (np.linalg.norm(J, axis=0) * np.abs(x) > MIN_EFFECT)
 
             result = least_squares(residuals, x, jacobian, (low, high), xtol=VALUE_TOLERANCE[final],
                                   ftol=COST_TOLERANCE[final], loss="linear" if final else "soft_l1", f_scale=3.0,

@@ -135,8 +135,7 @@ def quantiles_of(amplitude: Array, levels: Array) -> Array:
     """Return quantiles (Q, P) over the cases with a stable motion; each is the amplitude of one case."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # at frequencies without a stable motion of any case
-        quantiles: Array = np.nanquantile(amplitude, levels, axis=0, method="inverted_cdf")
-    return quantiles
+        return np.nanquantile(amplitude, levels, axis=0, method="inverted_cdf")
 
 
 def _stable_count(curve: Array, Omega: Array) -> Array:

@@ -28,7 +28,7 @@ def inverse_involute(value: float) -> float:
     """
     if value < 0:
         raise ValueError(f"no pressure angle has the involute function {value:g}, which must not be negative")
-    alpha: float = min((3 * value) ** (1 / 3), pi / 2 - 1 / (value + 2))  # both bounds lie above the root
+    alpha = min((3 * value) ** (1 / 3), pi / 2 - 1 / (value + 2))  # both bounds lie above the root
     for _ in range(60):
         step = (involute(alpha) - value) / max(tan(alpha) ** 2, 1e-300)
         if not step > 1e-16 * alpha:  # converged to rounding

@@ -321,7 +321,7 @@ class Bearing:  # numpydoc ignore=PR02
 
     def dampers(self, masses: Array) -> Array:
         """Return the damping coefficients (6,) for a wheel with these inertias (6,)."""
-        c: Array = 2 * self.damping * np.sqrt(self.stiffness * masses)
+        c = 2 * self.damping * np.sqrt(self.stiffness * masses)
         for i, damper in enumerate((self.c_x, self.c_y, self.c_z)):
             c[i] = c[i] if damper is None else damper
         return c

@@ -28,7 +28,7 @@ def phase_vector(X: Array, m: int) -> Array:
     ValueError
         If the motion is constant.
     """
-    b: Array = derivative(X.reshape(m, -1)).ravel()
+    b = derivative(X.reshape(m, -1)).ravel()
     if not np.any(b):
         raise ValueError("a motion without alternating part has no phase; give a periodic motion as the reference")
     return b / norm(b)

@@ -267,7 +267,7 @@ class Discretization:
         if exact.any():
             added = places(np.setdiff1d(self.orders, known_orders))
             out[:, added] -= to_real(exact.T)[:, added]
-        selected: Array = out if self.selection is None else out[:, places(self.orders)]
+        selected = out if self.selection is None else out[:, places(self.orders)]
         return selected.ravel()
 
 

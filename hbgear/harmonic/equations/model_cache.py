@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from hbgear.common.arrays import Array
 from hbgear.common.lru_cache import LRUCache
 from hbgear.common.text.messages import did_you_mean
 from hbgear.continuation.problem.finite_differences import STEP
@@ -213,7 +212,7 @@ class ModelCache:
         dense = [A for A in (system.M, system.C, system.K) if isinstance(A, np.ndarray)]
         if len(dense) < 3:
             return build(system)
-        damping: Array = np.array([e.damping for e in system.elements])
+        damping = np.array([e.damping for e in system.elements])
         key = (*(A.tobytes() for A in (*dense, system.W, references(system), damping)),)
         structure = self._structures.get(key, lambda: build(system))
         structure.check_balance(system)

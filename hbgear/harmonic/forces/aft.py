@@ -425,7 +425,7 @@ def product_matrices(kappa: ComplexArray) -> Array:
     """Return the real matrices (s, 2H + 1, 2H + 1) of products with functions of two-sided coefficients."""
     from hbgear.harmonic.forces.toeplitz_kernel import add_product
 
-    out: Array = np.zeros((len(kappa), kappa.shape[1], kappa.shape[1]))
+    out = np.zeros((len(kappa), kappa.shape[1], kappa.shape[1]))
     for coefficients, T in zip(np.ascontiguousarray(kappa), out, strict=True):
         add_product(coefficients, np.arange(len(T) // 2 + 1), T)
     return out

@@ -229,7 +229,7 @@ def segment_of(starts: Any, first: int, last: int, theta: float) -> int:
 @kernel
 def polynomial(coefficients: Any, x: float) -> float:
     """Return sum_q coefficients[q] x^q."""
-    total: float = 0.0
+    total = 0.0
     for q in range(coefficients.shape[0] - 1, -1, -1):
         total = total * x + coefficients[q]
     return total

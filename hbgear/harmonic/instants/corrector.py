@@ -215,7 +215,7 @@ def tangent_of(J: Array, scale: Array, direction: Array) -> Array:
     rhs = np.zeros(len(bordered))
     rhs[-1] = 1.0
     try:
-        t: Array = np.linalg.solve(bordered, rhs)
+        t = np.linalg.solve(bordered, rhs)
     except np.linalg.LinAlgError:
         t = np.linalg.svd(J * scale)[2][-1]
         t = t if t @ direction >= 0 else -t

@@ -279,8 +279,7 @@ def short_visits(visits: Any, tau: Any, period: float) -> Any:
 def _duration(visit: Any, tau: Any, period: float) -> float:
     """Return the duration of a visit from switch i to switch j."""
     i, j = visit[0], visit[1]
-    out: float = tau[j] - tau[i] + (period if j < i else 0.0)
-    return out
+    return tau[j] - tau[i] + (period if j < i else 0.0)
 
 
 @kernel
@@ -347,8 +346,7 @@ def _dot(a: Any, b: Any) -> float:
 @kernel
 def _begin_rate(Z: Any, begin: Any, a: int, r: int) -> float:
     """Return entry a of the derivative of the final state of a segment in its begin, with the sign of its advance."""
-    rate: float = begin[a] + _dot(Z[a, :r], begin[:r])
-    return rate
+    return begin[a] + _dot(Z[a, :r], begin[:r])
 
 
 @kernel
@@ -572,8 +570,7 @@ def _add_intervals(tau: Any, h: Any, slope: Any, rounding: float, intervals: Any
 def _linear_root(tau: Any, h: Any, s: int) -> float:
     """Return the zero of the line between samples s and s + 1."""
     fraction = h[s] / (h[s] - h[s + 1]) if h[s] != h[s + 1] else 0.5
-    out: float = tau[s] + min(max(fraction, 0.0), 1.0) * (tau[s + 1] - tau[s])
-    return out
+    return tau[s] + min(max(fraction, 0.0), 1.0) * (tau[s + 1] - tau[s])
 
 
 @kernel

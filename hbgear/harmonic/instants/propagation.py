@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hbgear.common.arrays import Array, ComplexArray
+from hbgear.common.arrays import Array
 from hbgear.harmonic.instants import kernels
 from hbgear.harmonic.instants.equations import DEGREE, Flow, shifted_polynomial
 from hbgear.mechanics.series.fourier import Series, to_complex
@@ -91,7 +91,7 @@ def _taylor_coefficients(stiffness: Phased, tau: Array, h: float) -> Array:
         derivatives = [stiffness(tau + 0.5 * h, n) * h**n for n in range(DEGREE + 1)]  # no breakpoint lies there
         out[:, : DEGREE + 1] = np.stack(shifted_polynomial(derivatives, -0.5), axis=1)
         return out
-    c: ComplexArray = to_complex(stiffness.row())
+    c = to_complex(stiffness.row())
     rotated = c * np.exp(1j * np.multiply.outer(tau, np.arange(len(c))))
     powers = (1j * h * np.arange(len(c)))[None, :] ** np.arange(TAYLOR_ORDER + 1)[:, None]
     return (rotated @ powers.T).real / np.array([math.factorial(n) for n in range(TAYLOR_ORDER + 1)], float)
@@ -99,7 +99,7 @@ def _taylor_coefficients(stiffness: Phased, tau: Array, h: float) -> Array:
 
 def rates(flow: Flow, tau: float | Array, y: Array) -> Array:
     """Return dy/dtau (..., N) at phases (...) of states (..., N)."""
-    out: Array = y @ flow.A.T
+    out = y @ flow.A.T
     if flow.stiffness:
         kappa = np.stack([x(tau) for x in flow.stiffness], axis=-1)
         out = out + (kappa * (y @ flow.r.T)) @ flow.b

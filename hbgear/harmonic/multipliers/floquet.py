@@ -228,7 +228,7 @@ def _retained_frequency(compiled: Evaluator, X: Array, Omega: Array) -> tuple[Ar
     harmonics of all orders. A single mode in the place of the truncated ones would then respond at its own frequency,
     so the stiffness is returned as zero and no such mode is used.
     """
-    limit: Array = MAX_RETAINED_FREQUENCY_RATIO * compiled.H * Omega / compiled.nu
+    limit = MAX_RETAINED_FREQUENCY_RATIO * compiled.H * Omega / compiled.nu
     if compiled.aft_laws or compiled.damped or compiled.sliders:
         return limit, np.zeros((len(X), compiled.m))
     from hbgear.harmonic.multipliers.stiffness_kernels import slopes

@@ -61,7 +61,7 @@ def hill_multipliers(compiled: Evaluator, X: Array, Omega: float) -> ComplexArra
     )
     s, V = np.linalg.eig(matrix.reshape(r * (2 * H + 1), -1))
     central = _central_copies(s, V.reshape(2 * H + 1, r, -1), Omega / compiled.nu)
-    mu: ComplexArray = np.exp(s[central] * (2 * np.pi * compiled.nu / Omega))
+    mu = np.exp(s[central] * (2 * np.pi * compiled.nu / Omega))
     return mu[np.argsort(-np.abs(mu), kind="stable")]
 
 
@@ -110,7 +110,7 @@ def slopes(compiled: Evaluator, X: Array) -> ComplexArray:
 
     X = compiled.spread(X)
     kappa, _, cubic = projected(compiled.packed_of(X), X.reshape(compiled.m, -1), 2 * compiled.H)
-    out: ComplexArray = kappa + cubic
+    out = kappa + cubic
     out[:, 0] -= compiled.packed.linear.springs[0]
     return out
 
@@ -204,14 +204,14 @@ class CondensedHillMatrix:
     def matrix(self, G: ComplexArray, s: complex) -> ComplexArray:
         """Return D (m (2H + 1), m (2H + 1)) for the receptances G at the exponent s."""
         size = len(self.k) * self.m
-        D: ComplexArray = np.einsum("kij,jkl->kilj", G, self.slopes(s)).reshape(size, size)
+        D = np.einsum("kij,jkl->kilj", G, self.slopes(s)).reshape(size, size)
         D[np.diag_indices(size)] += 1.0
         return D
 
     def rate(self, G: ComplexArray, dG: ComplexArray, s: complex) -> ComplexArray:
         """Return dD/ds (m (2H + 1), m (2H + 1)) for the receptances G and dG/ds at the exponent s."""
         size = len(self.k) * self.m
-        out: ComplexArray = np.einsum("kij,jkl->kilj", dG, self.slopes(s))
+        out = np.einsum("kij,jkl->kilj", dG, self.slopes(s))
         if self.C is not None:
             out += np.einsum("kij,jkl->kilj", G, self.C)
         return out.reshape(size, size)

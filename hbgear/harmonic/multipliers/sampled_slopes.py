@@ -95,7 +95,7 @@ class SampledSlopes:
         h = _STEP * max(float(np.abs(self._d).max(initial=0.0)), 1e-3) / size
         above, below = (self.slopes(self._d + side * h * phi, self._v + side * h * chi) for side in (1, -1))
         dp, dq = ((a - b) / (2 * h) for a, b in zip(above, below, strict=True))
-        out: Array = (dp @ self._basis.T + self._omega * dq @ self._rates.T) / len(self._tau)
+        out = (dp @ self._basis.T + self._omega * dq @ self._rates.T) / len(self._tau)
         H = len(self._basis) // 2
         for i in self._sampled.indices if self._sampled else ():
             shifted = ((self._d[i] + side * h * phi[i], self._v[i] + side * h * chi[i]) for side in (1, -1))

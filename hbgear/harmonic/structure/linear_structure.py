@@ -372,7 +372,6 @@ class LinearStructure:
 
     def solve(self, w: float, rhs: ComplexArray) -> ComplexArray:
         """Return D(w)^-1 rhs; at w = 0 the solution without free motion."""
-        x: ComplexArray
         if self.large:
             x = scipy.sparse.linalg.splu((self.K + 1j * w * self.C - w**2 * self.M).tocsc()).solve(rhs.astype(complex))
         elif w == 0.0:
@@ -441,7 +440,7 @@ class LinearStructure:
 
 def flexibility(K: Array, scale: Array) -> Array:
     """Return the pseudoinverse of K; rounding of coordinates is compared in units of ``scale`` (n,)."""
-    inverse: Array = scipy.linalg.pinv(K * np.outer(scale, scale), rtol=_FREE_MOTION_TOLERANCE)
+    inverse = scipy.linalg.pinv(K * np.outer(scale, scale), rtol=_FREE_MOTION_TOLERANCE)
     return scale[:, None] * inverse * scale
 
 

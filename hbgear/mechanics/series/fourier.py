@@ -27,7 +27,7 @@ from hbgear.common.text.messages import quoted
 
 def harmonics_of(X: Array) -> int:
     """Return the number of harmonics H of rows of length 2H + 1."""
-    size: int = X.shape[-1]
+    size = X.shape[-1]
     if size % 2 == 0:
         raise ValueError(f"a row of {size} coefficients has no order H; need an odd length 2H + 1")
     return size // 2

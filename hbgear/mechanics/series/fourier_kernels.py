@@ -120,7 +120,7 @@ def highest(c: Any, samples: Any, side: float) -> tuple[float, float]:
 def _largest(samples: Any, side: float) -> float:
     """Return the largest of side times the samples; four independent maxima run faster than one."""
     N = samples.shape[0]
-    a: float = side * samples[0]
+    a = side * samples[0]
     b = c = d = a
     for n in range(0, N - 3, 4):
         a, b = max(a, side * samples[n]), max(b, side * samples[n + 1])

@@ -289,7 +289,7 @@ class Periodic:  # numpydoc ignore=PR02
         if derivative >= self._rows.shape[1]:
             return np.zeros(tau.shape)
         rows = self._rows[piece.ravel()]
-        out: Array = derivatives(rows, (x - np.array(self.phases)[piece]).ravel())[:, derivative].reshape(tau.shape)
+        out = derivatives(rows, (x - np.array(self.phases)[piece]).ravel())[:, derivative].reshape(tau.shape)
         return out if tau.ndim else out[()]
 
     @checked_arguments()

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hbgear.common.arrays import Array, ComplexArray
+from hbgear.common.arrays import ComplexArray
 from hbgear.harmonic.structure.linear_structure import LinearStructure
 from hbgear.mechanics.models import System
 from hbgear.mechanics.series.fourier import Series, to_complex
@@ -38,7 +38,7 @@ def steady_part(
     positive = (F @ modes.left.T + spring_forces @ modes.input.T) / (rate - modes.poles)
     negative = (F.conj() @ modes.left.T + spring_forces.conj() @ modes.input.T) / (-rate - modes.poles)
     d = positive @ modes.output.T - e
-    z: Array = 0.5 * (positive + negative)[:, indices].sum(axis=0)
+    z = 0.5 * (positive + negative)[:, indices].sum(axis=0)
     return z, np.concatenate([d, rate * d], axis=1)
 
 

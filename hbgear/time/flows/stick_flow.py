@@ -140,7 +140,7 @@ class StickFlow:
         def tests(instants: Array) -> Array:
             """Return holding forces while sticking, and relative speeds while slipping (R, T)."""
             Y = dense(instants)
-            values: Array = slip_direction * (flow.gaps_over(instants, Y)[1][self.element] - self.speed[:, None])
+            values = slip_direction * (flow.gaps_over(instants, Y)[1][self.element] - self.speed[:, None])
             if sticks.any():
                 forces = np.array([rates(state, x, y)[1][:, 0] for x, y in zip(instants, Y.T, strict=True)]).T
                 values = np.where(sticks, forces, values)

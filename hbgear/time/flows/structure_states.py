@@ -148,7 +148,7 @@ class StructureStates:
 
     def free_rates(self, x: Array, de: Array, f: Array) -> Array:
         """Return the rates of the elements (m,) without their forces, at rates e' and rates by loads f."""
-        v: Array = self.V @ x - de
+        v = self.V @ x - de
         if len(self.following):
             v += self.D[:, self.inertial :] @ f + self.D @ (self.B @ (self._c * de))
         return v
@@ -188,5 +188,5 @@ class StructureStates:
 def displacement_scales(flow: Any, states: Array) -> Array:
     """Return the sizes (m,) of the terms whose sums are the displacements in states (size, T), for their rounding."""
     y = np.abs(states.reshape(flow.size, -1, states.shape[-1])[: flow.order, 0]).max(axis=1)
-    size: Array = np.abs(flow.D) @ y + flow.displacements
+    size = np.abs(flow.D) @ y + flow.displacements
     return np.where(size > 0, size, 1.0)

@@ -32,22 +32,20 @@ def set_levels(
 @kernel
 def level_at(levels: Array, j: int, z: float) -> float:
     """Return a level at a part z of the step."""
-    total: float = levels[j, 0] + z * (levels[j, 1] + z * (levels[j, 2] + z * levels[j, 3]))
-    return total
+    return levels[j, 0] + z * (levels[j, 1] + z * (levels[j, 2] + z * levels[j, 3]))
 
 
 @kernel
 def level_slope_at(levels: Array, j: int, z: float) -> float:
     """Return the derivative of a level in the part z of the step."""
-    total: float = levels[j, 1] + z * (2.0 * levels[j, 2] + 3.0 * z * levels[j, 3])
-    return total
+    return levels[j, 1] + z * (2.0 * levels[j, 2] + 3.0 * z * levels[j, 3])
 
 
 @kernel
 def next_breakpoint(first: Integers, position: Array, r: int, cell: int, x: float) -> float:
     """Return the end of the step from x in a cell: the next breakpoint of the excitation, or the end of the cell."""
     for i in range(first[r, cell], first[r, cell + 1]):
-        end: float = position[r, i]
+        end = position[r, i]
         if end > x + 1e-12:
             return end
     return 1.0

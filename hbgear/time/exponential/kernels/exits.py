@@ -169,8 +169,7 @@ def value(c: Array, n: int, x: float) -> float:
     b_1, b_2 = 0.0, 0.0
     for i in range(n - 1, 0, -1):
         b_1, b_2 = t * b_1 - b_2 + c[i], b_1
-    total: float = 0.5 * t * b_1 - b_2 + c[0]
-    return total
+    return 0.5 * t * b_1 - b_2 + c[0]
 
 
 @kernel
