@@ -220,7 +220,10 @@ def find_cusps(
             curve = response_curve(problem, parameter, value, frequencies)
         except NoConvergence:
             continue
-        report_progress(progress, f"response curve at {parameter} = {value:.5g}: {_count_folds(curve)}")
+        count = len(folds_of(curve))
+        report_progress(
+            progress, f"response curve at {parameter} = {value:.5g}: {count or 'no'} fold{'s' * (count > 0)}"
+        )
         values.append(value)
         slope = slope or _steepest_slope(curve)
         has_cusp = False
@@ -244,12 +247,6 @@ def _search_values(model_value: float) -> Iterator[float]:
     for fraction in (0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.9):
         yield model_value - fraction * step
         yield model_value + step * (1 / (1 - fraction) - 1)
-
-
-def _count_folds(curve: Branch) -> str:
-    """Return the number of folds of the response curves as text."""
-    count = len(folds_of(curve))
-    return f"{count} folds" if count else "no fold"
 
 
 def _follow_to_cusps(

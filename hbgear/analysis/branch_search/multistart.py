@@ -313,7 +313,8 @@ class _Search:
                 # the branch returned to the value of the model with another motion
                 if curve.status == Status.LEFT_SPAN and not any(same_solution(last, Y) for Y in pending):
                     pending.append(last)
-                    self._trace_new(last, Omega, f"following {name} to {_farthest(curve.values, value):.4g} and back")
+                    farthest = curve.values[np.argmax(np.abs(curve.values - value))]
+                    self._trace_new(last, Omega, f"following {name} to {farthest:.4g} and back")
         self.report(f"Omega = {Omega:.5g}: known motions followed in {name} over ({span[0]:g}, {span[1]:g})")
 
     def _trace_new(self, X: Array, Omega: float, method: str) -> None:
@@ -331,11 +332,6 @@ class _Search:
     def _parameters_at(self, Omega: float) -> dict[str, float]:
         """Return all parameters with this frequency."""
         return {**self.problem.parameters, "Omega": Omega}
-
-
-def _farthest(values: Array, model_value: float) -> float:
-    """Return the value with the largest distance from the model's own value."""
-    return float(values[np.argmax(np.abs(values - model_value))])
 
 
 def complete_branch(

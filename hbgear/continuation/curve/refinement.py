@@ -87,7 +87,9 @@ def refine_branch(branch: Branch) -> Branch:
     solutions = [_solution(finer, branch, i) for i in range(len(branch))]
     X, values = np.array([X for X, _ in solutions]), np.array([value for _, value in solutions])
     solved, observed = np.isfinite(values), _blank(branch)
-    for i, quantities in zip(np.flatnonzero(solved), _observed(finer, branch, X[solved], values[solved]), strict=True):
+    u, stability = np.column_stack([X, values])[solved], branch.multipliers is not None
+    quantities_of = observe_all(finer, u, branch.parameter, dict(branch.fixed), stability)
+    for i, quantities in zip(np.flatnonzero(solved), quantities_of, strict=True):
         for name in observed.keys() & quantities.keys():
             observed[name][i] = quantities[name]
     return replace(
@@ -111,9 +113,3 @@ def _blank(branch: Branch) -> dict[str, Any]:
     for name, array in out.items():
         array[...] = -1 if name == "regime" else np.nan
     return out
-
-
-def _observed(finer: ContinuationProblem, branch: Branch, X: Array, values: Array) -> list[dict[str, Any]]:
-    """Return the monitored quantities of solutions X (P, n) at the higher resolution."""
-    u = np.column_stack([X, values])
-    return observe_all(finer, u, branch.parameter, dict(branch.fixed), branch.multipliers is not None)

@@ -205,7 +205,7 @@ class SweepMotions:
             overshoot = (Omega - jump.value) * direction
             if jump.direction == direction and 0 < overshoot <= MAX_END_DISTANCE * Omega:
                 size = self.length[0] * jump.before.amplitude(self.data.measure, self.data.element)
-                residual = soft_residual(overshoot / (FREQUENCY_DEVIATION * Omega))[0]
+                residual = overshoot_residual(overshoot, Omega)[0]
                 options.append((math.hypot((size - measured) / deviation, residual), Reference(END, jump=jump)))
         swept_distance = distance(position) if math.isfinite(position) else math.inf
         best, reference = min(options, key=lambda option: option[0], default=(math.inf, Reference(UNREACHED)))
@@ -256,12 +256,6 @@ class SweepMotions:
                 amplitudes[i] = self.length[0] * reference.jump.before.amplitude(data.measure, data.element)
         return amplitudes
 
-    @property
-    def reached(self) -> Array:
-        """Boolean array, shape (N,): True where the curve has a stable motion at a measured point."""
-        kinds = [reference.kind in (SWEPT, OTHER) for reference in self.references]
-        return np.array(kinds, dtype=bool) & np.isfinite(self.amplitudes)
-
     def nearest_jump(self, direction: int, frequency: float) -> Jump | None:
         """Return the jump in a direction that is nearest to a measured one."""
         Omega = frequency / self.unit_of(self.data.unit)[0]
@@ -297,6 +291,13 @@ class SweepMotions:
             elif reference.jump is not None:
                 deviation[i] = math.hypot(deviation[i], COARSE_DEVIATION * float(data.amplitude[i]))
         return deviation
+
+
+def overshoot_residual(overshoot: float, Omega: float) -> tuple[float, float]:
+    """Return the residual of a point at Omega beyond the end of its segment, and its derivative in the overshoot."""
+    deviation = FREQUENCY_DEVIATION * Omega
+    residual, slope = soft_residual(overshoot / deviation)
+    return residual, slope / deviation
 
 
 def soft_residual(t: float) -> tuple[float, float]:

@@ -21,13 +21,7 @@ from hbgear.continuation.augmented.sensitivity import tangent
 from hbgear.continuation.numerics.linear import Factors
 from hbgear.continuation.results.point import Jump
 from hbgear.continuation.solvers.newton import SEARCH_ERRORS
-from hbgear.design.fitting.sweep_motions import (
-    COARSE_DEVIATION,
-    END,
-    FREQUENCY_DEVIATION,
-    SweepMotions,
-    soft_residual,
-)
+from hbgear.design.fitting.sweep_motions import COARSE_DEVIATION, END, SweepMotions, overshoot_residual
 
 MISSING_JUMP_DISTANCE = 0.1
 """Relative distance in frequency that is assumed for a jump that the model does not have."""
@@ -45,12 +39,10 @@ class Prediction(SweepMotions):
         """Return residuals (2N + J,) in deviations: amplitudes, frequencies of points beyond an end, and jumps."""
         data = self.data
         offsets = np.nan_to_num((self.amplitudes - data.amplitude) / deviation)
-        overshoots = np.array([
-            0.0
-            if reference.jump is None
-            else soft_residual((Omega - reference.jump.value) / (FREQUENCY_DEVIATION * Omega))[0]
+        overshoots = [
+            0.0 if reference.jump is None else overshoot_residual(Omega - reference.jump.value, Omega)[0]
             for reference, Omega in zip(self.references, self.Omega.tolist(), strict=True)
-        ])  # fmt: skip
+        ]
         pairs = zip(data.jumps, self.jump_frequencies.tolist(), strict=True)
         jumps = [
             MISSING_JUMP_DISTANCE * f / s if math.isnan(model_frequency) else (model_frequency - f) / s
@@ -90,9 +82,7 @@ class Prediction(SweepMotions):
                 J[i] = length * jump_slopes["size"] + size * length_slopes
                 # derivative of 1 - Omega_j / Omega with Omega = f / s
                 Omega = float(self.Omega[i])
-                rate = soft_residual((Omega - reference.jump.value) / (FREQUENCY_DEVIATION * Omega))[1] / (
-                    FREQUENCY_DEVIATION * Omega
-                )
+                rate = overshoot_residual(Omega - reference.jump.value, Omega)[1]
                 J[count + i] = -rate * (jump_slopes["Omega"] + reference.jump.value * scale_slopes / scale)
             elif i in slopes:
                 J[i] = length * slopes[i] + float(self.amplitudes[i]) / length * length_slopes

@@ -294,7 +294,7 @@ class BackboneProblem(ContinuationProblem):
         out, A = np.empty(n + 2), np.zeros((n + 2, n + 2))
         out[:n], out[n], out[n + 1] = R, weight * (self._phase @ d), weight * (rms - amplitude)
         A[:n, :n], A[:n, n + 1] = J, dR_dOmega
-        A[:n, n] = to_real(_applied(rate, rows, evaluator)).ravel()
+        A[:n, n] = to_real(evaluator.structure.force_sums @ np.einsum("kij,jk->ik", rate, rows)).ravel()
         A[n, :n], A[n + 1, :n] = weight * self._phase, 0.5 * weight * alternating / (rms or 1.0)
         if self._default_mode.partner is not None and not self._touches(d, parameters, unknown):
             other = self._partner * np.sqrt(_springs(evaluator).max())
@@ -472,11 +472,6 @@ def _linear_part(evaluator: Evaluator, Omega: float, D: float) -> tuple[LinearPa
     terms = np.abs(Y @ Lt) @ np.abs(value) @ np.abs(Q @ Y)
     Y -= np.diag(_springs(evaluator))
     return out, rate, terms
-
-
-def _applied(rate: ComplexArray, d: ComplexArray, evaluator: Evaluator) -> ComplexArray:
-    """Return the derivative (m, K + 1) of the balance in D from dZ/dD (K + 1, m, m) and displacements (m, K + 1)."""
-    return evaluator.structure.force_sums @ np.einsum("kij,jk->ik", rate, d)
 
 
 def _coordinates(evaluator: Evaluator, Omega: float, D: float, d: ComplexArray, f: ComplexArray) -> ComplexArray:

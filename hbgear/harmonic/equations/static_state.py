@@ -51,7 +51,8 @@ def static_states(compiled: Evaluator, Omega: float) -> Iterator[Static]:
     at_rest = _solve_static(compiled, Omega, -compiled.receptance.e[0].real)
     if at_rest.stable or at_rest.flat:
         yield at_rest
-    lengths = _characteristic_lengths(compiled, Omega) * _load_signs(compiled, Omega)
+    signs = np.where(_load_displacements(compiled, Omega) < 0, -1.0, 1.0)
+    lengths = _characteristic_lengths(compiled, Omega) * signs
     found, rejected = [at_rest.d], []
     # closed contacts on either side, near the breakpoints and far beyond them
     for side in (1.5, -1.5, 4.0, -4.0):
@@ -166,11 +167,6 @@ def _load_displacements(compiled: Evaluator, Omega: float) -> Array:
     b = sums @ linear.g[0].real + compatibility @ compiled.receptance.e[0].real
     closed = sums @ (linear.Z[0].real + np.diag(compiled.structure.kr)) + compatibility
     return np.linalg.lstsq(closed, -b, rcond=1e-12)[0]
-
-
-def _load_signs(compiled: Evaluator, Omega: float) -> Array:
-    """Return the sign, +1 or -1, of the displacement of each element (m,) under the constant load."""
-    return np.where(_load_displacements(compiled, Omega) < 0, -1.0, 1.0)
 
 
 def _mean_force_and_stiffness(compiled: Evaluator, d: Array) -> tuple[Array, Array]:
