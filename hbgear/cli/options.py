@@ -74,8 +74,7 @@ Table = Annotated[Path | None, output_option("Save all numbers as .csv.", ".csv"
 
 
 AllowCode = Annotated[
-    bool,
-    typer.Option("--allow-code", help="Run the code of a model FILE.py:NAME or MODULE:NAME that the file names."),
+    bool, typer.Option("--allow-code", help="Run the code of a model FILE.py:NAME or MODULE:NAME that the file names.")
 ]
 
 

@@ -15,14 +15,7 @@ import hbgear as hb
 from hbgear.analysis.quantities.axis_quantities import QUANTITIES, Ordinate, usual_measure
 from hbgear.cli.first import compile_in_parallel
 from hbgear.cli.output import bar, print_message
-from hbgear.cli.quantities import (
-    changes_of,
-    check_parameter,
-    named,
-    number_of,
-    parameter_value,
-    value_in_model,
-)
+from hbgear.cli.quantities import changes_of, check_parameter, named, number_of, parameter_value, value_in_model
 from hbgear.continuation.extend import traced_span
 from hbgear.continuation.results.interpolation import crossings_at
 from hbgear.harmonic.models import model_registry

@@ -51,15 +51,7 @@ def study_section(study: Study, name: str) -> dict[str, Any]:
     curves = f"; {portion} of their curves are drawn as thin lines" if study.curves else ""
     tables = [("Distribution over the cases", ["", *_PERCENTILES], _distribution(table))]
     if len(study.jumps):
-        headers = [
-            "sweep",
-            "cases that jump",
-            "jumps at Omega, 5 %",
-            "median",
-            "95 %",
-            "amplitude before",
-            "after",
-        ]
+        headers = ["sweep", "cases that jump", "jumps at Omega, 5 %", "median", "95 %", "amplitude before", "after"]
         tables.append(
             ("Jumps of slow sweeps; amplitudes are medians", headers, _jumps(study.jumps, len(table["case"])))
         )

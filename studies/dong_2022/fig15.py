@@ -37,7 +37,7 @@ def report(results: Results) -> str:
     text = [
         f"The second order is {ratio:.2f} times the first: superharmonic resonance. The measured lines are exactly "
         "orders " + ", ".join(f"{order:g}" for order in rig.orders) + ", which every motion of the mesh period has. "
-        f"The calculated spectrum of the paper shows the first two; here the third is {ratio_3:.3f} of the second.",
+        f"The calculated spectrum of the paper shows the first two; here the third is {ratio_3:.3f} of the second."
     ]
     return spectra.page(results, text, OMEGA, rig)
 

@@ -37,7 +37,7 @@ def report(results: Results) -> str:
         f"{rig.mesh:g} Hz, not the {rig.lines[0]:g} Hz of the paper (order {rig.orders[0]:.2f}): {rig.lines[0]:g} Hz "
         f"would be {60 * rig.lines[0] / 25:g} r/min, or 24 teeth. Sidebands need a modulation by the rotation of a "
         "shaft (eccentricity, pitch errors), which the model does not have: its spectrum has mesh orders only, "
-        "so that the sidebands of the rig are outside of the model.",
+        "so that the sidebands of the rig are outside of the model."
     ]
     return spectra.page(results, text, OMEGA, rig)
 

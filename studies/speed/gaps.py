@@ -47,10 +47,7 @@ def train(n: int = 500, meshes: int = 6) -> hb.System:
 def cases() -> dict[str, tuple[hb.mechanics.Model, int, tuple[float, float]]]:
     """Models, harmonics and spans."""
     planets = hb.gears.PlanetarySet(40, 20, 80, planets=6)
-    return {
-        "6 meshes, 500 coordinates": (train(), 12, (1.4, 1.0)),
-        "6 planets, 12 meshes": (planets, 8, (1.8, 1.0)),
-    }
+    return {"6 meshes, 500 coordinates": (train(), 12, (1.4, 1.0)), "6 planets, 12 meshes": (planets, 8, (1.8, 1.0))}
 
 
 def banded(J: np.ndarray, m: int, linear: np.ndarray, rest: np.ndarray, b: np.ndarray) -> np.ndarray:

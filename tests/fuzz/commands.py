@@ -171,16 +171,7 @@ def value_for(rng: Random, command: str, option: str, files: list[str]) -> str:
         "--element": ["0", "spring", "mesh"] if good else ELEMENTS,
         "--output": ["out.npz", "out.csv", "out.mat"]
         if good
-        else [
-            "",
-            "x",
-            "no/out.npz",
-            ".",
-            "out.NPZ",
-            "o" * 300 + ".npz",
-            "o" * 248 + ".npz",
-            "/proc/x.npz",
-        ],
+        else ["", "x", "no/out.npz", ".", "out.NPZ", "o" * 300 + ".npz", "o" * 248 + ".npz", "/proc/x.npz"],
         "--plot": ["out.svg"] if good else ["out.jpg", "", "no/out.png", ".png", "p" * 250 + ".png", "/proc/x.png"],
         "--point": ["LP1", "GR1", "0.9", "1.0"] if good else [*TEXTS, *NUMBERS],
         "points": ["LP1", "LP2", "GR1"] if good else [*TEXTS, *NUMBERS],

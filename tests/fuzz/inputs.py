@@ -979,10 +979,7 @@ def targets() -> tuple[Target, ...]:
             0.5,
         ),
         Target(
-            "ResponseBand.edges",
-            hb.design.response_band(curve(), {"zeta": 0.001}).edges,
-            {"sigmas": _is(2.0)},
-            0.5,
+            "ResponseBand.edges", hb.design.response_band(curve(), {"zeta": 0.001}).edges, {"sigmas": _is(2.0)}, 0.5
         ),
         Target(
             "sweep_statistics",

@@ -47,10 +47,7 @@ def fine():
 
 @pytest.mark.parametrize(
     ("settings", "tolerance"),
-    [
-        ({"harmonics": 10, "samples": 1024, "sampled": True}, 2e-5),
-        ({"harmonics": 10}, 5e-7),
-    ],
+    [({"harmonics": 10, "samples": 1024, "sampled": True}, 2e-5), ({"harmonics": 10}, 5e-7)],
     ids=["sampled", "exact"],
 )
 def test_folds_with_ten_harmonics(settings, tolerance):

@@ -587,8 +587,7 @@ SCRIPT = f"import hbgear as hb\ndef work():\n    {CALL}\n    print(len(found), f
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("end", "line"),
-    [("print(1)\nfor _ in range(1):\n    work()", 6), ("if __name__ == '__main__':\n    work()", 0)],
+    ("end", "line"), [("print(1)\nfor _ in range(1):\n    work()", 6), ("if __name__ == '__main__':\n    work()", 0)]
 )
 def test_a_script_without_guard_gets_the_missing_line(tmp_path, end, line):
     (tmp_path / "study.py").write_text(SCRIPT + end + "\n")

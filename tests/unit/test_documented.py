@@ -63,10 +63,7 @@ def test_example_of_a_figure(name):
     before = plt.get_backend()
     plt.switch_backend("Agg")
     try:
-        run(
-            f"hb.plot.{name}",
-            getattr(FIGURES[module], function),
-        )
+        run(f"hb.plot.{name}", getattr(FIGURES[module], function))
     finally:
         plt.close("all")
         plt.switch_backend(before)

@@ -163,8 +163,7 @@ def test_asymptotes_between_two_curves_are_those_with_the_same_number_of_motions
     )
     curves = [
         SimpleNamespace(
-            fixed={"zeta": at},
-            curves=[SimpleNamespace(special=(), values=[1.2], unbounded_ends=[(-1, 1.3)] * count)],
+            fixed={"zeta": at}, curves=[SimpleNamespace(special=(), values=[1.2], unbounded_ends=[(-1, 1.3)] * count)]
         )
         for at, count in ((0.0, 2), (1.0, 0))
     ]

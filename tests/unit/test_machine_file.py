@@ -131,11 +131,7 @@ def test_tables_of_the_mesh_are_files_in_its_folder(file, tmp_path):
         ),
         ("teeth = 40", 'teeth = 40\nhelix_angle = "10 deg"', "line 13: .* give the wheel helix_angle = '0 deg'"),
         ('backlash = "80 um"', "", "line 12: the pair has no backlash"),
-        (
-            "damping",
-            'form = "spatial"\ndamping',
-            "line 2: the form 'spatial' needs a support of the pinion .*tilt = ",
-        ),
+        ("damping", 'form = "spatial"\ndamping', "line 2: the form 'spatial' needs a support of the pinion .*tilt = "),
         ("damping", 'form = "plane"\ndamping', "line 2: form = 'plane'"),
         ("[pair]", "[pairs]", "unknown key 'pairs'; did you mean 'pair'"),
         ("teeth = 40", "", "line 9: 'wheel.teeth' is missing"),

@@ -373,11 +373,7 @@ def test_the_first_step_fits_between_the_shortest_and_the_longest():
         StepControl().first_step,
         StepControl(max_step=0.004).first_step,
         StepControl(min_step=0.02).first_step,
-    ) == (
-        0.01,
-        0.004,
-        0.02,
-    )
+    ) == (0.01, 0.004, 0.02)
     curve = trace(HarmonicBalance(Duffing(), 3), "Omega", (0.8, 0.85), steps=StepControl(max_step=0.004))
     assert curve.status.complete and curve.step.max() <= 0.004 * (1 + 1e-12)
     with pytest.raises(ValueError, match="0 < min_step <= first_step <= max_step"):

@@ -162,10 +162,7 @@ Table = hb.mechanics.Periodic.table
             lambda: Table([0, 180, 360], [1.0, 2.0, 1.5], period=360),
             "not periodic: the value one period after the first, 1",
         ),
-        (
-            lambda: Table([0, 180, 400], [1.0, 2.0, 1.5], period=360),
-            "from 0 to 400 are more than the period 360",
-        ),
+        (lambda: Table([0, 180, 400], [1.0, 2.0, 1.5], period=360), "from 0 to 400 are more than the period 360"),
         (lambda: Table([0.0], [1.0]), "1 values in a period; linear interpolation needs at least 2"),
         (lambda: Table([0, 1], [1, 2], kind="cubic"), "cubic interpolation needs at least 3"),
         (lambda: Table([0, 1], [1, 2], kind="spline"), "kind = 'spline' must be 'linear' or 'cubic'"),

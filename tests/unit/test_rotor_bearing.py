@@ -146,11 +146,7 @@ def test_start_from_springs_pushed_to_either_side():
     """The preloads press the pinion's bearing to the negative side and the gear's to the positive one."""
     m = UNEQUAL.replace(e_scale=0.0, eps_scale=0.0)
     X = hb.HarmonicBalance(m, 3).start(OMEGA, **m.parameters).reshape(3, -1)
-    static = [
-        m.b + m.F_m,
-        -m.b_1 - (m.F_1 + m.mu_1 * m.F_m) / m.kappa_1,
-        m.b_2 + (m.F_2 + m.mu_2 * m.F_m) / m.kappa_2,
-    ]
+    static = [m.b + m.F_m, -m.b_1 - (m.F_1 + m.mu_1 * m.F_m) / m.kappa_1, m.b_2 + (m.F_2 + m.mu_2 * m.F_m) / m.kappa_2]
     np.testing.assert_allclose(X[:, 0], static, atol=1e-12)
 
 

@@ -9,11 +9,7 @@ import pytest
 import hbgear as hb
 from hbgear.continuation.curve.segment import Segment, point_from_solution
 from hbgear.continuation.events.detector import EventDetector
-from hbgear.continuation.events.even_crossings import (
-    SampledCurve,
-    drop_odd_counts,
-    find_even_crossings,
-)
+from hbgear.continuation.events.even_crossings import SampledCurve, drop_odd_counts, find_even_crossings
 from hbgear.continuation.events.event import Event, LocatedEvent
 from hbgear.continuation.events.near_tangency import near_zeros
 from hbgear.continuation.problem.adapter import as_problem
@@ -71,8 +67,7 @@ def test_the_minimum_of_a_parabola_between_unequal_steps_is_exact(where, sign):
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 @pytest.mark.parametrize(
-    ("where", "least", "near"),
-    [(0.6, 0.0533, True), (0.6, 0.0534, False), (1.3, 0.0299, True), (1.3, 0.0301, False)],
+    ("where", "least", "near"), [(0.6, 0.0533, True), (0.6, 0.0534, False), (1.3, 0.0299, True), (1.3, 0.0301, False)]
 )
 def test_a_minimum_below_a_quarter_of_the_smallest_value(where, least, near, sign):
     """(x - c)^2 + m at 0, 1, 2: the smallest value is d^2 + m at distance d from c; a candidate needs m < d^2 / 3."""

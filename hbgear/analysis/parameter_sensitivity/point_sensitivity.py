@@ -17,14 +17,7 @@ from hbgear.common.arrays import Array
 from hbgear.common.text.messages import did_you_mean
 from hbgear.continuation.augmented.fold import FoldProblem
 from hbgear.continuation.augmented.minimally_augmented import MinimallyAugmentedProblem
-from hbgear.continuation.augmented.sensitivity import (
-    Slopes,
-    along,
-    of_branch_point,
-    of_solution,
-    of_special,
-    tangent,
-)
+from hbgear.continuation.augmented.sensitivity import Slopes, along, of_branch_point, of_solution, of_special, tangent
 from hbgear.continuation.events.detector import event_at
 from hbgear.continuation.events.fold import TURNING_KINDS
 from hbgear.continuation.events.residual_form import in_residual_form

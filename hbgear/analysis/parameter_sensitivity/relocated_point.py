@@ -14,11 +14,7 @@ from hbgear.analysis.parameter_sensitivity.point_sensitivity import (
     with_cache_size,
 )
 from hbgear.common.arrays import Array
-from hbgear.continuation.augmented.sensitivity import (
-    Slopes,
-    of_solution,
-    of_special,
-)
+from hbgear.continuation.augmented.sensitivity import Slopes, of_solution, of_special
 from hbgear.continuation.problem.adapter import as_problem
 from hbgear.continuation.results.point import Point
 from hbgear.continuation.solvers.newton import NoConvergence, solve

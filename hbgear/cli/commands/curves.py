@@ -67,8 +67,7 @@ def trace(
     within: options.Within = None,
     at: options.At = None,
     start: Annotated[
-        str | None,
-        typer.Option(metavar="FILE[:POINT]", help="Begin at a point (label or value) of a saved curve."),
+        str | None, typer.Option(metavar="FILE[:POINT]", help="Begin at a point (label or value) of a saved curve.")
     ] = None,
     harmonics: options.Harmonics = "16",
     tolerance: Annotated[

@@ -17,14 +17,7 @@ from hbgear.cli import options
 from hbgear.cli.commands.shares import MaxRows, Saved, show_shares
 from hbgear.cli.output import bar, exit_code, finish, print_message, print_table, show_branch
 from hbgear.cli.output_files import BRANCHES, check_writable, outputs
-from hbgear.cli.support import (
-    chosen_model,
-    load_with_problem,
-    on_curve,
-    problem_of,
-    range_of,
-    span_of,
-)
+from hbgear.cli.support import chosen_model, load_with_problem, on_curve, problem_of, range_of, span_of
 from hbgear.common.text.digits import rounded
 from hbgear.common.text.symbols import shown_unit
 from hbgear.io.map_file import read_map, save_map

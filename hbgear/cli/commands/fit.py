@@ -206,9 +206,7 @@ def redesign(
     free: Annotated[
         list[str],
         typer.Option(
-            "--free",
-            metavar="NAME,...",
-            help="Parameters that may change: zeta,e_scale or zeta=0.04:0.1; repeatable.",
+            "--free", metavar="NAME,...", help="Parameters that may change: zeta,e_scale or zeta=0.04:0.1; repeatable."
         ),
     ],
     peak: Annotated[

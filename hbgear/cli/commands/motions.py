@@ -16,14 +16,7 @@ from hbgear.cli import options
 from hbgear.cli.output import exit_code, print_table, print_text, show_branch, show_reliability
 from hbgear.cli.output_files import outputs
 from hbgear.cli.quantities import number_of
-from hbgear.cli.support import (
-    chosen_model,
-    harmonics_of,
-    load_with_problem,
-    longer_span,
-    on_curve,
-    range_of,
-)
+from hbgear.cli.support import chosen_model, harmonics_of, load_with_problem, longer_span, on_curve, range_of
 from hbgear.common.text.symbols import unit_of
 from hbgear.harmonic.models.frequency_units import PINION, length_scale, model_of, scales_at
 from hbgear.io.branches.columns import bracketed, label_of
@@ -166,8 +159,7 @@ def torus(
 def follow(
     file: options.File,
     label: Annotated[
-        str,
-        typer.Argument(metavar="LABEL", help="A special point of the curve.", autocompletion=cli_complete.labels),
+        str, typer.Argument(metavar="LABEL", help="A special point of the curve.", autocompletion=cli_complete.labels)
     ],
     within: Annotated[
         str, options.range_option("Second parameter, and its range, in which the value of the curve lies.")

@@ -39,12 +39,7 @@ import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.continuation.augmented.special_point_problem import SpecialPointProblem
-from hbgear.continuation.numerics.linear import (
-    Matrix,
-    bordered,
-    norm,
-    solve_linear,
-)
+from hbgear.continuation.numerics.linear import Matrix, bordered, norm, solve_linear
 from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.problem.evaluation import Evaluation, Locating
 from hbgear.continuation.problem.finite_differences import parameter_derivatives

@@ -6,16 +6,7 @@ import numpy as np
 import scipy  # its parts are imported when they are first used
 
 from hbgear.common.arrays import Array
-from hbgear.continuation.numerics.linear import (
-    SMALL,
-    Factors,
-    Matrix,
-    bordered,
-    dense,
-    norm,
-    slogdet,
-    solve_signed,
-)
+from hbgear.continuation.numerics.linear import SMALL, Factors, Matrix, bordered, dense, norm, slogdet, solve_signed
 
 
 def borders_of(A: Matrix) -> tuple[Array, Array, float]:

@@ -169,11 +169,7 @@ def _may_compare(problem: ContinuationProblem, first: bool, work: Work) -> bool:
 
 
 def _estimate(
-    segment: Segment,
-    event: LocatedEvent,
-    problem: ContinuationProblem,
-    goal: float,
-    points: dict[str, Comparison],
+    segment: Segment, event: LocatedEvent, problem: ContinuationProblem, goal: float, points: dict[str, Comparison]
 ) -> float:
     """Return the error of a point at the resolution of a problem; an infinite goal gives the complete estimate.
 

@@ -45,13 +45,7 @@ from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point, SpecialPoint
 from hbgear.continuation.results.status import Status
-from hbgear.continuation.solvers.newton import (
-    SEARCH_ERRORS,
-    SOLVER_ERRORS,
-    NoConvergence,
-    on_curve,
-    solution_at,
-)
+from hbgear.continuation.solvers.newton import SEARCH_ERRORS, SOLVER_ERRORS, NoConvergence, on_curve, solution_at
 
 
 @dataclass(frozen=True)

@@ -20,14 +20,7 @@ from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.deprecation import warn_renamed
 from hbgear.common.text.messages import quoted
 from hbgear.continuation.results.layout import LayoutProtocol, RebuildsProblem, neutral_regime_of
-from hbgear.continuation.results.point import (
-    Jump,
-    Point,
-    SpecialPoint,
-    jump_with_problem,
-    name_of_regime,
-    with_problem,
-)
+from hbgear.continuation.results.point import Jump, Point, SpecialPoint, jump_with_problem, name_of_regime, with_problem
 from hbgear.continuation.results.stability import STABLE, UNDECIDED, UNKNOWN, stability_codes, stability_names
 from hbgear.continuation.results.status import Status
 

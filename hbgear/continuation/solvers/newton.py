@@ -129,11 +129,7 @@ def on_curve(solution: Solution) -> Solution:
 
 
 def solve(
-    problem: Any,
-    X: Array,
-    parameters: Mapping[str, float],
-    name: str = "",
-    settings: NewtonSettings = NewtonSettings(),
+    problem: Any, X: Array, parameters: Mapping[str, float], name: str = "", settings: NewtonSettings = NewtonSettings()
 ) -> Solution:
     """Return the solution near a start X (n,) at fixed parameters, by Newton's method with step halving.
 

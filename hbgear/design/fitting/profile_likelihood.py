@@ -62,8 +62,7 @@ def profile_interval(
             prediction = at(shifted) if t > MIN_BOUND_DISTANCE else None
             if prediction is not None:
                 rise = max(
-                    _minimized_sum(prediction.residuals(s), J[:, others]) - minimum,
-                    unit * (t / MAX_END_RATIO) ** 2,
+                    _minimized_sum(prediction.residuals(s), J[:, others]) - minimum, unit * (t / MAX_END_RATIO) ** 2
                 )
                 errors[j] = np.fmax(errors[j], error * t * math.sqrt(unit / rise))
     return errors

@@ -110,11 +110,7 @@ class Prediction(SweepMotions):
         dA = (sizes - data.amplitude[:, None]) / deviations[:, None]
         nearest = np.argmin(np.hypot(dOmega, dA), axis=1)
         numbers = np.arange(len(data))
-        return (
-            rows[nearest].tolist(),
-            dOmega[numbers, nearest],
-            dA[numbers, nearest],
-        )
+        return (rows[nearest].tolist(), dOmega[numbers, nearest], dA[numbers, nearest])
 
     @cached_property
     def distances(self) -> Array:

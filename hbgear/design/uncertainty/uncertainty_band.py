@@ -126,10 +126,7 @@ def ellipse_contact(covariance: Array, normal: Array) -> Array:
     return projected / np.where(sigma, sigma, 1.0)[:, None]
 
 
-@checked_arguments(
-    branch="a response curve",
-    scatter="standard deviations by name, such as {'zeta': 0.002}, or a Fit",
-)
+@checked_arguments(branch="a response curve", scatter="standard deviations by name, such as {'zeta': 0.002}, or a Fit")
 def response_band(
     branch: Branch,
     scatter: Mapping[str, float] | Fit,

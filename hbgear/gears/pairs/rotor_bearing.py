@@ -203,11 +203,7 @@ class GearRotorBearing(MeshExcitation):  # numpydoc ignore=PR02
         m_1, m_2 = 1 / self.mu_1, 1 / self.mu_2
         law = self.mesh_law(self.b)
         gap = Element(
-            direction=[1.0, -1.0, 1.0],
-            law=law,
-            displacement=self.transmission_error,
-            damping=2 * self.zeta,
-            name="gap",
+            direction=[1.0, -1.0, 1.0], law=law, displacement=self.transmission_error, damping=2 * self.zeta, name="gap"
         )
         bearing_1 = Element(
             direction=[1.0, 0.0, 0.0],

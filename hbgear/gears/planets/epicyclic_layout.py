@@ -21,13 +21,7 @@ from hbgear.gears.mesh.mesh_excitation import parameters_of_meshes
 from hbgear.gears.torque_orders import mesh_multiple, torque_orders
 from hbgear.gears.trains.train import Train
 from hbgear.gears.trains.train_components import Mesh, Shaft, Wheel, tooth_counts
-from hbgear.gears.trains.train_kinematics import (
-    MAX_ORDER,
-    RADIUS_TOLERANCE,
-    inner_first,
-    kinematics,
-    phase_mismatch,
-)
+from hbgear.gears.trains.train_kinematics import MAX_ORDER, RADIUS_TOLERANCE, inner_first, kinematics, phase_mismatch
 from hbgear.mechanics.models import Model
 from hbgear.mechanics.structures.scales import Scales
 

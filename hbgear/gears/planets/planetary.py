@@ -32,10 +32,7 @@ import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.gears.drawing.pair import GearPair
-from hbgear.gears.mesh.mesh_excitation import (
-    in_order,
-    mesh_stiffness,
-)
+from hbgear.gears.mesh.mesh_excitation import in_order, mesh_stiffness
 from hbgear.gears.planets.planetary_drawing import drawn_fields
 from hbgear.gears.planets.planetary_kinematics import MEMBERS
 from hbgear.gears.planets.planetary_layout import PlanetaryLayout

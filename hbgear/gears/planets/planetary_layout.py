@@ -12,11 +12,7 @@ from typing import Any, ClassVar, Literal
 from hbgear.common.argument_checks import check
 from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, Range, counted
 from hbgear.common.text.messages import quoted
-from hbgear.gears.mesh.mesh_excitation import (
-    amplitudes,
-    check_contact_scale,
-    parameters_of_meshes,
-)
+from hbgear.gears.mesh.mesh_excitation import amplitudes, check_contact_scale, parameters_of_meshes
 from hbgear.gears.planets.planetary_kinematics import MEMBERS, PlanetaryKinematics
 from hbgear.gears.torque_orders import mesh_multiple, torque_orders
 from hbgear.gears.trains.train_components import check_half_backlash

@@ -10,9 +10,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from hbgear.continuation.events.event import (
-    Event,
-)
+from hbgear.continuation.events.event import Event
 from hbgear.continuation.events.fold import CuspEvent, FoldEvent, IsolaCentreEvent
 from hbgear.continuation.events.registry import EVENTS, RegisteredEvent
 from hbgear.continuation.problem.base import ContinuationProblem

@@ -32,13 +32,7 @@ from hbgear.continuation.augmented.minimally_augmented import MinimallyAugmented
 from hbgear.continuation.curve.segment import BranchStart, CurvePoint, Segment, has_corner
 from hbgear.continuation.events.branch_point import BranchPointEvent, as_traced
 from hbgear.continuation.events.columns import lengths
-from hbgear.continuation.events.event import (
-    BuiltInEvent,
-    LocatedEvent,
-    locate_by_newton,
-    locate_root,
-    singular,
-)
+from hbgear.continuation.events.event import BuiltInEvent, LocatedEvent, locate_by_newton, locate_root, singular
 from hbgear.continuation.events.near_tangency import near_zeros
 from hbgear.continuation.numerics.linear import norm, norms
 from hbgear.continuation.problem.base import ContinuationProblem

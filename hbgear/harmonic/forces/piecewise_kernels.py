@@ -18,13 +18,7 @@ from typing import Any
 import numpy as np
 
 from hbgear.common.process.compiling import kernel
-from hbgear.harmonic.forces.switching_times import (
-    CELL_PARTS,
-    PHASE_TOLERANCE,
-    VALUE_ROUNDING,
-    crossings,
-    off_level,
-)
+from hbgear.harmonic.forces.switching_times import CELL_PARTS, PHASE_TOLERANCE, VALUE_ROUNDING, crossings, off_level
 from hbgear.mechanics.series.fourier_kernels import fill_one_sided, highest, sampled, size_of, value_of
 from hbgear.mechanics.series.piecewise_polynomial import MIN_PHASE_BY_PARTS, rule
 
@@ -530,8 +524,7 @@ def _add_moments(coefficients: Any, start: float, width: float, factor: float, o
     if degree < 0 or width <= 0.0:
         return
     gauss_count = min(
-        out.shape[0],
-        int(MIN_PHASE_BY_PARTS / width) + 1 if width * out.shape[0] > MIN_PHASE_BY_PARTS else out.shape[0],
+        out.shape[0], int(MIN_PHASE_BY_PARTS / width) + 1 if width * out.shape[0] > MIN_PHASE_BY_PARTS else out.shape[0]
     )
     for g in range(_NODES.shape[0]):
         x = width * _NODES[g]

@@ -35,14 +35,7 @@ import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.process.compiling import inlined, kernel
-from hbgear.harmonic.forces.piecewise_kernels import (
-    crossings_of,
-    fill_gap,
-    has_segments,
-    sampled_gap,
-    sizes_of,
-    spans,
-)
+from hbgear.harmonic.forces.piecewise_kernels import crossings_of, fill_gap, has_segments, sampled_gap, sizes_of, spans
 from hbgear.harmonic.forces.slider_kernels import SliderWorkspace, add_sliders, slider_workspace
 from hbgear.mechanics.series.fourier_kernels import coefficient
 

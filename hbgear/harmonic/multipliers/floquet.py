@@ -126,12 +126,7 @@ IDENTICAL_MOTION_TOLERANCE = 1e-12
 
 
 def floquet_multipliers(
-    compiled: Evaluator,
-    X: Array,
-    Omega: Array,
-    *,
-    points: int | None = None,
-    max_step: float | None = None,
+    compiled: Evaluator, X: Array, Omega: Array, *, points: int | None = None, max_step: float | None = None
 ) -> ComplexArray:
     """Return the Floquet multipliers of P motions over their periods 2 pi nu / Omega, largest modulus first.
 

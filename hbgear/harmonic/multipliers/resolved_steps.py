@@ -80,13 +80,7 @@ def _divided_steps(begin: Array, width: Array, source: np.ndarray, divisor: int)
 
 
 def _integrals(
-    compiled: Evaluator,
-    rows: Array,
-    omega: float,
-    mobility: Array,
-    begin: Array,
-    width: Array,
-    points: int,
+    compiled: Evaluator, rows: Array, omega: float, mobility: Array, begin: Array, width: Array, points: int
 ) -> tuple[Array, Array]:
     """Return the integrals (T, 2, channels) of dp/dd and dp/dv over steps, and the largest exponents (T,) of dampers.
 

@@ -40,15 +40,7 @@ from hbgear.gears.pairs.drawn_pair import DrawnPair
 from hbgear.gears.pairs.pair_models import DAMPING
 from hbgear.gears.pairs.support import Support
 from hbgear.gears.torque_orders import TorqueOrders, effective_torque, torque_orders
-from hbgear.io.machines.toml_file import (
-    KeyPath,
-    Problems,
-    bare,
-    constructed,
-    exactly,
-    form,
-    read_checked,
-)
+from hbgear.io.machines.toml_file import KeyPath, Problems, bare, constructed, exactly, form, read_checked
 from hbgear.io.tables.mesh_table import read_mesh_table
 
 _SHARED = ("module", "face_width", "pressure_angle", "addendum", "dedendum", "fillet_radius", "E", "poisson", "density")

@@ -64,10 +64,7 @@ def _nested(text: str) -> str:
 
 
 def read_checked(
-    path: str | os.PathLike[str],
-    expected: str,
-    schema: Any,
-    create: Callable[[dict[str, Any], Path, Problems], object],
+    path: str | os.PathLike[str], expected: str, schema: Any, create: Callable[[dict[str, Any], Path, Problems], object]
 ) -> Any:
     """Return the object that a file describes.
 

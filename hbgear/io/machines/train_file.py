@@ -56,15 +56,7 @@ from hbgear.gears.trains.housing import Housing
 from hbgear.gears.trains.train import Train
 from hbgear.gears.trains.train_components import Bearing, Mesh, Shaft, Wheel
 from hbgear.gears.trains.train_layout import check_mesh_torque
-from hbgear.io.machines.toml_file import (
-    KeyPath,
-    Problems,
-    bare,
-    constructed,
-    exactly,
-    form,
-    read_checked,
-)
+from hbgear.io.machines.toml_file import KeyPath, Problems, bare, constructed, exactly, form, read_checked
 from hbgear.io.matrices import from_matrices
 from hbgear.mechanics.structures.speed_terms import MatrixTable
 

@@ -180,12 +180,7 @@ def _relative_size(c: ComplexArray, subset: ComplexArray) -> float:
 
 
 def _first_torus(
-    problem: TorusProblem,
-    guess: Array,
-    direction: Array,
-    Omega_2: float,
-    parameters: dict[str, float],
-    name: str,
+    problem: TorusProblem, guess: Array, direction: Array, Omega_2: float, parameters: dict[str, float], name: str
 ) -> tuple[Array, dict[str, float]]:
     """Return the unknowns (X, Omega_2, parameter) of the first torus, and all parameters there."""
     fixed = {key: x for key, x in parameters.items() if key != name}

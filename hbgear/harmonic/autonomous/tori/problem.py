@@ -352,11 +352,7 @@ class TorusProblem(ContinuationProblem):
         return {
             "model": describe(self.model),
             "balance": self.balance.discretization.describe(None),
-            "torus": {
-                "harmonics": [self.basis.H1, self.basis.H2],
-                "odd": self.basis.odd,
-                "dense": self.basis.dense,
-            },
+            "torus": {"harmonics": [self.basis.H1, self.basis.H2], "odd": self.basis.odd, "dense": self.basis.dense},
         }
 
 

@@ -19,14 +19,7 @@ import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.continuation.solvers.newton import NoConvergence
-from hbgear.harmonic.instants.corrector import (
-    PARAMETER_STEP,
-    CurveState,
-    Family,
-    correct,
-    exchanges_of,
-    jacobian,
-)
+from hbgear.harmonic.instants.corrector import PARAMETER_STEP, CurveState, Family, correct, exchanges_of, jacobian
 from hbgear.harmonic.instants.pattern import Switch, Visit
 from hbgear.harmonic.instants.propagation import growth, rates
 from hbgear.harmonic.instants.refine import with_missed_crossings

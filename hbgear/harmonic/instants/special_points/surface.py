@@ -20,13 +20,7 @@ from hbgear.common.arrays import Array
 from hbgear.common.lru_cache import LRUCache
 from hbgear.continuation.results.stability import scaled_determinant
 from hbgear.continuation.solvers.newton import NoConvergence
-from hbgear.harmonic.instants.corrector import (
-    CurveState,
-    Family,
-    jacobian,
-    parameter_column,
-    solve_in_plane,
-)
+from hbgear.harmonic.instants.corrector import CurveState, Family, jacobian, parameter_column, solve_in_plane
 from hbgear.harmonic.instants.equations import EquationsAt
 from hbgear.harmonic.instants.shooting import Linearisation, monodromy_matrix, multipliers_of
 from hbgear.harmonic.instants.special_points.critical import pair_test
