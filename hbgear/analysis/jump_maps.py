@@ -459,9 +459,8 @@ class _MapSearch:
 def _asymptotes_of(curve: Branch) -> list[tuple[float, int]]:
     """Return Omega, ascending, where curves grow without bound; -1 if they approach it from below, 1 from above."""
     return sorted(
-        (Omega, -1 if branch.values[i] < Omega else 1)
-        for branch in curve.curves for i, Omega in branch.unbounded_ends
-    )  # fmt: skip
+        (Omega, -1 if branch.values[i] < Omega else 1) for branch in curve.curves for i, Omega in branch.unbounded_ends
+    )
 
 
 def _without_curve(parameter: str, curves: Mapping[float, Branch], frequencies: tuple[float, float]) -> str:

@@ -329,8 +329,7 @@ def _mark_infinity(
         top = np.inf
     lines = [abscissa.at(branch, value) for branch in branches for value in branch.asymptotes.values()]
     for value in {float(f"{value:.9g}"): value for value in lines}.values():
-        ax.axvline(value, linestyle=":", linewidth=0.8, color=GREY, zorder=0, label="asymptote",
-                   gid="asymptote")  # fmt: skip
+        ax.axvline(value, linestyle=":", linewidth=0.8, color=GREY, zorder=0, label="asymptote", gid="asymptote")
     for branch, amplitude, colour in zip(branches, amplitudes, colours, strict=True):
         for end in branch.asymptotes:
             order = slice(None, None, -1) if end == "first" else slice(None)

@@ -202,7 +202,7 @@ def spectrum(
 
 def _draw_spectrum(
     ax: Axes, point: Point, element: int | str, units: _Units, log: bool = True, floor: float = FLOOR
-) -> Axes:  # fmt: skip
+) -> Axes:
     """Draw the amplitudes of the harmonics down to a fraction of the largest."""
     from matplotlib.ticker import MaxNLocator
 
@@ -251,7 +251,7 @@ def _decibels(ax: Axes, top: float, floor: float) -> None:
 @checked_arguments()
 def portrait(
     point: Point, element: int | str = 0, model: Model | None = None, *, dimensionless: bool = False
-) -> Figure:  # fmt: skip
+) -> Figure:
     """Draw time history, phase diagram and spectrum of a point side by side.
 
     Parameters

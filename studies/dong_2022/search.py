@@ -94,8 +94,7 @@ def report(cells: Sequence[Cell]) -> str:
     counts = [sum(sum(one.held) == n for one in cells) for n in range(total + 1)]
     some = ", ".join(f"{count} hold {n}" for n, count in enumerate(counts) if count)
     lines = [f"{len(cells)} readings, of {total} statements: {some}.", ""]
-    lines += ["| helix angle at | phi [deg] | torque of a half [N m] | jumps | peak | regimes |",
-              "|" + " --- |" * 6]  # fmt: skip
+    lines += ["| helix angle at | phi [deg] | torque of a half [N m] | jumps | peak | regimes |", "|" + " --- |" * 6]
     for one in complete(cells):
         jumps = ", ".join(f"{x:.5f}" for x in one.case.jumps)
         lines.append(f"| {one.helix} circle | {one.phi:g} | {one.torque:g} | {jumps} | {one.case.peak:.4f} at "

@@ -193,8 +193,7 @@ def test_phases_of_shifted_gears(x):
 @pytest.mark.parametrize("drawn", [True, False])
 def test_a_mesh_whose_second_wheel_drives_runs_backwards(drawn):
     """The idler drives a smaller gear, whose mesh is given with the pinion first and with the driver first."""
-    gears = [hb.gears.Gear(z, "3 mm", "20 mm", tip_relief=f"{relief} um")
-             for z, relief in ((25, 10), (30, 0), (19, 8))]  # fmt: skip
+    gears = [hb.gears.Gear(z, "3 mm", "20 mm", tip_relief=f"{relief} um") for z, relief in ((25, 10), (30, 0), (19, 8))]
     pairs = hb.GearPair(*gears[:2], "80 um"), hb.GearPair(*gears[1:], "80 um"), hb.GearPair(*gears[:0:-1], "80 um")
     wheels = [hb.gears.Wheel.of(name, gear, x=x, torque=100.0 * (name == "in"))
               for name, gear, x in zip(("in", "idler", "out"), gears, (0.0, 82.5e-3, 156e-3), strict=True)]  # fmt: skip

@@ -21,9 +21,7 @@ from hbgear.mechanics.series.fourier import resize
 
 SPAN = (0.8, 0.5)
 # in the order of the curve, by shooting; harmonic balance agrees within 5e-7
-POINTS = {
-    "LP1": 0.653440, "LP2": 0.755627, "PD1": 0.755586, "PD2": 0.738783, "NS1": 0.618607, "NS2": 0.581901,
-}  # fmt: skip
+POINTS = {"LP1": 0.653440, "LP2": 0.755627, "PD1": 0.755586, "PD2": 0.738783, "NS1": 0.618607, "NS2": 0.581901}
 
 
 def two_masses():

@@ -183,9 +183,7 @@ def test_drawn_helical_planets():
     pairs = hb.GearPair(sun, planet, "60 um"), hb.GearPair(planet, ring, "60 um")
     x = pairs[0].working_center_distance
     wheels = [Wheel.of("sun", sun), Wheel.of("planet", planet, x=x), Wheel.of("ring", ring)]
-    meshes = [
-        Mesh.of("sun", "planet", pairs[0], 100 / 3), Mesh.of("planet", "ring", pairs[1], 100 / 3 * 30 / 24)
-    ]  # fmt: skip
+    meshes = [Mesh.of("sun", "planet", pairs[0], 100 / 3), Mesh.of("planet", "ring", pairs[1], 100 / 3 * 30 / 24)]
     one = hb.gears.EpicyclicSet(wheels, meshes, 0.01, 3)
     assert one.ratio == 1 + Fraction(84, 24)
     problem = hb.HarmonicBalance(one, 2)

@@ -193,9 +193,7 @@ def test_exact_flows_of_friction_are_the_limit_of_short_steps(k):
     problem = HarmonicBalance(beam(Jenkins(k, 0.1), 5), 24)
     X = problem.start(3.3)
     compiled = problem.compiled({})
-    exact, steps = (
-        floquet_multipliers(compiled, X[None], np.array([3.3]), points=points)[0] for points in (None, 8)
-    )  # fmt: skip
+    exact, steps = (floquet_multipliers(compiled, X[None], np.array([3.3]), points=points)[0] for points in (None, 8))
     assert np.abs(exact[:, None] - steps).min(axis=1).max() < 1e-8
     assert np.abs(exact[2]) > 0.3
 

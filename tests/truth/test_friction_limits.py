@@ -86,9 +86,7 @@ def rows_of(m, H, size, seed):
     return np.random.default_rng(seed).standard_normal((m, 2 * H + 1)) * size / fall
 
 
-LIMITS = [
-    (oscillator(PRESCRIBED), 0.3), (foot(), 0.3), (foot(gap=0.2), 0.5), (foot(gap=-0.5), 0.2), (foot(k=0.5), 1.0),
-]  # fmt: skip
+LIMITS = [(oscillator(PRESCRIBED), 0.3), (foot(), 0.3), (foot(gap=0.2), 0.5), (foot(gap=-0.5), 0.2), (foot(k=0.5), 1.0)]
 """Systems and sizes of random motions: with a contact that always acts, sometimes, and that opens."""
 
 

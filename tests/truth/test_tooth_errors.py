@@ -62,9 +62,7 @@ def test_run_out_has_sidebands_by_the_varying_stiffness():
     none = PathFunction.linear(u, 0 * u)
     g_1 = wave.amplitude * np.exp(1j * (wave.phase - pi / 2))
     ends = np.array([0.0, 2.0])
-    level = Flank(
-        1, PathFunction.linear(ends, [0.5, 0.5]), PathFunction.linear(ends, [0.0, 0.0]), waves=(wave,)
-    )  # fmt: skip
+    level = Flank(1, PathFunction.linear(ends, [0.5, 0.5]), PathFunction.linear(ends, [0.0, 0.0]), waves=(wave,))
     found = amplitudes([level], z, 2 * z)
     assert found[1] == pytest.approx(g_1 * receptance(np.array(1), z), abs=1e-7)
     assert np.abs(found[2:]).max() < 1e-7

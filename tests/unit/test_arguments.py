@@ -44,7 +44,7 @@ GEAR = hb.gears.Gear(teeth=20, module=0.003, face_width=0.02)
         (lambda: GEAR.tooth_thickness(0.0), "tooth_thickness: diameter = 0.* must be positive"),
         (lambda: hb.harmonic.TwoToneProblem(hb.Duffing(), 0.618, dense=0), "dense = 0 must be a whole number"),
     ],
-)  # fmt: skip
+)
 def test_an_argument_is_refused_where_it_is_given(call, message):
     with pytest.raises((ValueError, TypeError), match=message) as caught:
         call()

@@ -157,9 +157,9 @@ class Residuals:
         return self.J
 
 
-@pytest.mark.parametrize(("assumed", "mean_square", "followed"), [
-    (True, 3.9, 1), (True, 4.1, 3), (False, 2.9, 1), (False, 3.1, 3),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("assumed", "mean_square", "followed"), [(True, 3.9, 1), (True, 4.1, 3), (False, 2.9, 1), (False, 3.1, 3)]
+)
 def test_starts_end_with_the_first_minimum_within_the_noise(monkeypatch, assumed, mean_square, followed):
     """8 degrees of freedom: the limit is 4 without deviations of the data, and 1 + 4 (2/8)^1/2 = 3 with them."""
     data = hb.design.Measurements(np.linspace(0.5, 1.0, 10), np.ones(10), deviation=None if assumed else 0.01)

@@ -232,7 +232,7 @@ def test_matlab_files_of_version_73(tmp_path):
         (lambda f: hb.io.from_ross(hb.Duffing()), "needs a ross.Rotor or ross.MultiRotor; got a Duffing"),
         (lambda f: hb.io.from_opentorsion(3), "needs an opentorsion.Assembly; got 3"),
     ],
-)  # fmt: skip
+)
 def test_bad_input(folder, make, said):
     with pytest.raises((ValueError, TypeError, KeyError, IndexError), match=said):
         make(folder)

@@ -340,9 +340,7 @@ def test_the_goal_is_verified_at_the_peak_between_the_points_of_the_curve():
     problem = hb.HarmonicBalance(hb.Duffing(k3=0.0, F=0.02), 1)
     limit = 0.9999 * 0.02 / (0.1 * np.sqrt(1 - 0.05**2))
     assert hb.trace(problem, "Omega", (0.5, 1.5)).amplitude("pp2").max() < limit
-    found = hb.design.redesign(
-        problem, hb.design.peak_below(limit), ["zeta"], {"zeta": (0.04, 0.05)}, span=(0.5, 1.5)
-    )  # fmt: skip
+    found = hb.design.redesign(problem, hb.design.peak_below(limit), ["zeta"], {"zeta": (0.04, 0.05)}, span=(0.5, 1.5))
     assert not found.reached and found.short == pytest.approx(1e-4, rel=1e-2)
 
 

@@ -111,7 +111,7 @@ def _check_cycle(tmp_path, mark, encoding, decimal, remark):
         ("phase [cycle],error [N/m]", "N/m", "column 'error' is unknown"),
         ("phase [cycle],stiffness [um]", "m", "column 'stiffness' is unknown; accepted are error, transmission error"),
     ],
-)  # fmt: skip
+)
 def test_a_column_of_another_name_is_no_mesh_cycle_unless_it_is_named(tmp_path, header, unit, message):
     path = written(tmp_path / "k.csv", header, (CYCLE[0] / 360, CYCLE[1]), ",")
     with pytest.raises(ValueError, match=message):
@@ -145,7 +145,7 @@ def test_names_and_units_in_two_lines_in_quotes_and_in_a_remark(tmp_path):
         ("phase [deg];k [N/m]\n0;1\n90\n180;1\n", "line 3 has 1 cells, and the table has 2 columns"),
         ("phase [deg];k [N/m]\n0;1\n90;1e999\n180;1\n", "line 3: '1e999' .* finite"),
         ("phase [deg];k [N/m]\n0;" + "1" * 300 + "\n", "line 2: a cell has 300 characters"),
-        ("phase [deg];k [N/m]\n0;\"1\n", "line 2: quotation marks are not closed"),
+        ('phase [deg];k [N/m]\n0;"1\n', "line 2: quotation marks are not closed"),
         ("rig two\nphase [deg];k [N/m]\n0;1\n", "line 1: 'rig two' is not a row of numbers; mark comments with #"),
         ("phase [deg];k [N/m];e [m]\n0;1\n", "line 3|2 cells"),
         ("roll angle [deg];k [N/m]\n0;1\n90;1\n270;1\n", "the first column is 'roll angle'; need the phase"),
@@ -153,7 +153,7 @@ def test_names_and_units_in_two_lines_in_quotes_and_in_a_remark(tmp_path):
         ("phase [deg];k [N/m]\n0;1\n#N/A;1\n180;1\n", "line 3: '#N/A' in the column 'phase .deg.' must be a number"),
         ("0;1\n90;1\n180;1\n", "line of column names"),
     ],
-)  # fmt: skip
+)
 def test_cells_that_are_refused(tmp_path, text, message):
     (tmp_path / "k.csv").write_bytes(text.encode("latin-1"))
     with pytest.raises(ValueError, match=message):
@@ -189,7 +189,7 @@ def test_measurements_in_every_unit(tmp_path):
         ("n [rad/s],dte [mm],sweep,std [%]", "62.8318530718,.0015,+1,1\n1,.002,-1,1", "pinion r/min", [600, 9.549297]),
         ("f [kHz],d [µm],direction,sigma [um]", ".6,1.5,Rising,.02\n1.2,2,Falling,.03", "mesh Hz", [600, 1200]),
         ("omega [rad/s],d [um],direction,sigma", "628.318530718,1.5,up,.02\n1,2,down,.03", "mesh Hz", [100, 0.1591549]),
-    ):  # fmt: skip
+    ):
         path.write_text(f"{header}\n{rows}", encoding="utf-8")
         data = hb.design.read_measurements(path)
         assert data.unit == unit and data.directions.tolist() == [1, -1]

@@ -275,7 +275,7 @@ def test_monodromy_is_the_derivative_of_the_map(rng):
         (lambda: shoot(VARYING, 0.8, np.zeros(3)), "does not fit"),
         (lambda: shoot(VARYING, 0.8, np.zeros(2), tolerance=1e-15), "cannot be reached"),
     ],
-)  # fmt: skip
+)
 def test_bad_input(call, words):
     with pytest.raises(ValueError, match=words):
         call()

@@ -20,7 +20,7 @@ from hbgear.harmonic.contact_instants.special_states import (
     grazing_contacts,
     special_state,
     state_of,
-)  # fmt: skip
+)
 from hbgear.harmonic.instants.corrector import Family, correct
 from hbgear.harmonic.instants.sampling import coefficients
 from hbgear.harmonic.instants.shooting import linearise

@@ -168,9 +168,8 @@ def fit(
     machine = chosen_model(model, changes)
     bounds = _free_parameters(machine, free)
     measured = hb.design.read_measurements(
-        data, dict(assignments("--column", column or [])), unit=unit, length=length, measure=measure,
-        element=element,
-    )  # fmt: skip
+        data, dict(assignments("--column", column or [])), unit=unit, length=length, measure=measure, element=element
+    )
     with bar("fit") as progress:
         result = hb.design.fit(problem_of(machine, harmonics), measured, bounds, starts=starts, progress=progress)
     start = machine.parameters | machine.entries

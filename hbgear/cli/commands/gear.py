@@ -271,7 +271,7 @@ def _largest(
     starts = np.cumsum([0, *map(len, curves)])
     asymptotes = [
         value for curve in curves for i, value in curve.unbounded_ends if curve.stable is None or curve.stable[i]
-    ]  # fmt: skip
+    ]
     for name, values in columns.items():
         if name.partition(" [")[0] in ("curve", "stable", "Omega", "mesh", "pinion", first.parameter):
             continue
@@ -307,8 +307,8 @@ def interrupted(curve: hb.Branch) -> bool:
 
 
 def _trace_and_report(
-    machine: Machine, count: int | str, by_default: bool, output: Path | None, plot: Path, dimensionless: bool,
-) -> hb.Branch:  # fmt: skip
+    machine: Machine, count: int | str, by_default: bool, output: Path | None, plot: Path, dimensionless: bool
+) -> hb.Branch:
     """Trace the curve of a machine, write its files and print its tables."""
     from hbgear.gears.mesh.tooth_mesh import mirror_phase
     from hbgear.io.machines.machine_file import write_machine

@@ -36,7 +36,7 @@ def show_shares(
     output: Path | None,
     plot: Path | None,
     dimensionless: bool = False,
-) -> None:  # fmt: skip
+) -> None:
     """Write the derivatives and their figure, and print the table of the largest derivatives of a quantity.
 
     ``labels`` are the axis labels of the model, whose units are printed. The empty ``quantity`` is the first one of
@@ -53,7 +53,7 @@ def show_shares(
 
 def _print(
     result: Sensitivity, labels: Mapping[str, str], quantity: str, max_rows: int, names: tuple[str, ...]
-) -> None:  # fmt: skip
+) -> None:
     """Print the quantities of a point and its derivatives, the largest of one quantity first."""
     shares = {name: result.percent(name) for name in names}
     printed = {name: _in_micrometres(name) for name in names}

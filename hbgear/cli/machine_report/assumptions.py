@@ -76,8 +76,7 @@ def alternative_results(
         problem, unit = hb.HarmonicBalance(changed, count), float(scales_of(changed).pinion_speed(1.0))
         ends = () if speeds is None else (speeds[0] / unit, speeds[1] / unit)
         span = with_default_span(changed, ends)
-        curve = hb.trace(problem, "Omega", span, steps=LONG_STEPS, accuracy=None,
-                         progress=until(stop))  # fmt: skip
+        curve = hb.trace(problem, "Omega", span, steps=LONG_STEPS, accuracy=None, progress=until(stop))
     return factor_and_jumps(changed, curve, speeds)
 
 

@@ -53,9 +53,7 @@ class ScalarConditionProblem(MinimallyAugmentedProblem):
     argument_names: ClassVar[tuple[str, ...]] = ("test", "meaning")
 
     @checked_arguments()
-    def __init__(
-        self, problem: AnyProblem, parameter: str, test: Callable[[Point], float], meaning: str = ""
-    ) -> None:  # fmt: skip
+    def __init__(self, problem: AnyProblem, parameter: str, test: Callable[[Point], float], meaning: str = "") -> None:
         super().__init__(problem, parameter)
         self._fixed(test=test, meaning=meaning)
 

@@ -61,8 +61,8 @@ class MeshModel(NamedTuple):
 
 
 def mesh_model(
-    owner: str, pair: GearPair, torque: float, mesh: str | None, cycle: MeshCycle | None, friction: Friction, side: int,
-) -> MeshModel:  # fmt: skip
+    owner: str, pair: GearPair, torque: float, mesh: str | None, cycle: MeshCycle | None, friction: Friction, side: int
+) -> MeshModel:
     """Return the mesh of a pair under a torque; the module docstring describes the models.
 
     The torque on the pinion [N m] is positive. The model is "teeth" (None), "secant" or "tangent"; a ``cycle`` are

@@ -194,10 +194,8 @@ def _shapes(L: float, shear: float) -> tuple[Array, Array, Array, Array, Array]:
         -6 * s**2 + 6 * s + shear,
         L * (3 * s**2 - (2 - shear) * s - shear / 2),
     ]) / L  # fmt: skip
-    P = np.array([
-        6 * (s**2 - s) / L, 3 * s**2 - (4 + shear) * s + 1 + shear, -6 * (s**2 - s) / L, 3 * s**2 - (2 - shear) * s
-    ])  # fmt: skip
-    dP = np.array([
-        6 * (2 * s - 1) / L, 6 * s - 4 - shear, -6 * (2 * s - 1) / L, 6 * s - 2 + shear
-    ]) / L  # fmt: skip
+    P = np.array(
+        [6 * (s**2 - s) / L, 3 * s**2 - (4 + shear) * s + 1 + shear, -6 * (s**2 - s) / L, 3 * s**2 - (2 - shear) * s]
+    )
+    dP = np.array([6 * (2 * s - 1) / L, 6 * s - 4 - shear, -6 * (2 * s - 1) / L, 6 * s - 2 + shear]) / L
     return N / (1 + shear), P / (1 + shear), dN / (1 + shear), dP / (1 + shear), w * L / 2

@@ -166,7 +166,7 @@ def rms_weights(problem: Any) -> Array:
 
 def change_to_solution(
     problem: Any, start: Array, weight: Array, parameters: Mapping[str, float], name: str, sliders: bool = False
-) -> Array:  # fmt: skip
+) -> Array:
     """Return the change (n,) of unknowns to a solution of a problem, with weights (n,); nan if it is unknown.
 
     It is the Newton step at the same parameters if a second step with the same Jacobian is shorter (Deuflhard's natural

@@ -87,9 +87,7 @@ def trace_compiled(
         _rescale(u[0], size, m, scale)
         arclength_normal(t[0], scale, normal)
         predict(u, t, count, scale, step, predicted)
-        status = _corrected(
-            packed, predicted, normal, tolerances, R, dR, A, v, workspace, point, direction, statistics
-        )  # fmt: skip
+        status = _corrected(packed, predicted, normal, tolerances, R, dR, A, v, workspace, point, direction, statistics)
         value, prediction_error = statistics[2], 0.0
         if status == ACCEPTED:
             limits[1] = control[4] if count > 1 and step > NO_ERROR_CONTROL_BELOW * control[0] else math.inf

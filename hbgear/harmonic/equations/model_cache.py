@@ -198,9 +198,7 @@ class ModelCache:
     def _build_evaluator(self, changes: Changes) -> Evaluator:
         system, grid = self.system(dict(changes)), self.discretization
         structure = self._structure(system)
-        return Evaluator(
-            system, structure, grid.H, grid.nu, grid.sampled, grid.transform, self.reduce, grid.orders
-        )  # fmt: skip
+        return Evaluator(system, structure, grid.H, grid.nu, grid.sampled, grid.transform, self.reduce, grid.orders)
 
     def _structure(self, system: System) -> LinearStructure:
         """Return the linear part of a system; dense matrices that were decomposed before are not decomposed again."""

@@ -324,9 +324,7 @@ class _SpringTable(NamedTuple):
 
 
 @lru_cache(maxsize=128)
-def _spring_table(
-    stiffness: Phased, displacement: Phased, level: Phased | None, nu: int, length: int
-) -> _SpringTable:  # fmt: skip
+def _spring_table(stiffness: Phased, displacement: Phased, level: Phased | None, nu: int, length: int) -> _SpringTable:
     """Return the table of a spring with integrals up to order ``length`` - 1; w is 0 without breakpoints."""
     k = _segments_of(stiffness, nu)
     w = _segments_of(displacement, nu).scaled(-1.0 if displacement.corners else 0.0)

@@ -241,7 +241,7 @@ def _add_retained(piecewise: Any, j: int, kappa: Any, chi: Any) -> None:
 @kernel
 def _add_piecewise_cubic(
     piecewise: Any, j: int, c: Any, k1: float, k3: float, kappa: Any, chi: Any, extra: Any
-) -> None:  # fmt: skip
+) -> None:
     """Add the terms of a cubic spring that depend on w, if w has breakpoints.
 
     The terms of kappa are 3 k3 (t w + w^2), those of chi k1 w + k3 w^3, and those of ``extra`` 3 k3 t w.

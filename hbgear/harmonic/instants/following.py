@@ -33,7 +33,7 @@ from hbgear.harmonic.instants.corrector import (
     departure_states,
     exchanges_of,
     with_exchange,
-)  # fmt: skip
+)
 from hbgear.harmonic.instants.pattern import InconsistentPatternError, Visit
 from hbgear.harmonic.instants.sampling import MissedCrossing, sample_gaps
 from hbgear.harmonic.instants.shooting import SIMULTANEOUS_SWITCHES
@@ -406,9 +406,9 @@ class Follower:
         self._add(final, self.step, self._special_points(last, final))
         reached = end == self.span[1]
         self.curve.status = Status.REACHED_END if reached else Status.LEFT_SPAN
-        self.curve.message = f"{self.name} = {end:.6g} reached" if reached else (
-            f"the curve turned back to {self.name} = {end:.6g}"
-        )  # fmt: skip
+        self.curve.message = (
+            f"{self.name} = {end:.6g} reached" if reached else (f"the curve turned back to {self.name} = {end:.6g}")
+        )
 
     def _ended(self) -> bool:
         """Return whether the curve has ended, and set status and message."""

@@ -369,9 +369,7 @@ def _periodicity_slopes(segments: Any, column: Any, r: int, J: Any) -> None:
 
 
 @kernel
-def _divided_slopes(
-    segments: Any, column: Any, row: Any, visit: Any, delta: float, R: Any, r: int, J: Any
-) -> None:  # fmt: skip
+def _divided_slopes(segments: Any, column: Any, row: Any, visit: Any, delta: float, R: Any, r: int, J: Any) -> None:
     """Add the derivatives of the divided equation of a short visit."""
     Z, _, begin, end, slope = segments
     K, i, j = Z.shape[0], visit[0], visit[1]

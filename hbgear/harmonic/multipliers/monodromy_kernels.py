@@ -245,9 +245,7 @@ def _middle(segments: Any, i: int) -> float:
 
 
 @kernel
-def _begin_memory(
-    sliders: Any, slides: Any, segments: Any, count: int, r: int, modes: Any, workspace: Any
-) -> None:  # fmt: skip
+def _begin_memory(sliders: Any, slides: Any, segments: Any, count: int, r: int, modes: Any, workspace: Any) -> None:
     """Set the disturbances of the sliders to the last unit vectors, and the displacements of the ports.
 
     Sliders and modulations, which determine these displacements, have their values at the end of the period.
@@ -570,7 +568,5 @@ def monodromies(
         if steps > workspace.D.shape[1] or x.shape[0] != workspace.D.shape[2]:
             workspace = monodromy_workspace(modes, size, x.shape[0], 2 * steps, 1, number)
         fill_stiffness_modulation(packed, coefficients, modes.ports, segments, segment_count, x, space, workspace)
-        monodromy(
-            packed.sliders, space.slides, modes, segments, segment_count, omega, x, L, exact, workspace, out[p]
-        )  # fmt: skip
+        monodromy(packed.sliders, space.slides, modes, segments, segment_count, omega, x, L, exact, workspace, out[p])
     return 0.0

@@ -257,9 +257,8 @@ def form(
 
 
 def constructed(
-    problems: Problems, key_path: KeyPath, cls: type, values: Mapping[str, Any],
-    make: Callable[..., Any] | None = None,
-) -> Any:  # fmt: skip
+    problems: Problems, key_path: KeyPath, cls: type, values: Mapping[str, Any], make: Callable[..., Any] | None = None
+) -> Any:
     """Return an instance by ``cls(**values)``, or by ``make``; None if a value is refused, which is added to problems.
 
     Each quantity is read separately, so that all errors are reported at once.

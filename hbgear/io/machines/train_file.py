@@ -113,9 +113,7 @@ def _schema() -> Any:
     keys: dict[str, Any] = {
         name: (list[schema], ... if name in ("wheel", "mesh") else [])  # type: ignore[valid-type]
         for name, schema in lists.items()
-    } | {
-        "balance": (str, ""), "gyroscopic": (bool, False), "housing": (housing, None), "epicyclic": (epicyclic, None),
-    }  # fmt: skip
+    } | {"balance": (str, ""), "gyroscopic": (bool, False), "housing": (housing, None), "epicyclic": (epicyclic, None)}
     return create_model("train", __config__=exactly(), **keys)
 
 

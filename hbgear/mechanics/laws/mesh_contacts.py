@@ -352,9 +352,7 @@ class MovingSpring(NamedTuple):
 
 def _common_rows(functions: Sequence[Sequence[PiecewisePolynomial]], starts: Array) -> Array:
     """Return cubics (T, F, J, 4) of F functions of J contacts from given phases on."""
-    rows = np.array([
-        [as_cubic(f.rows_at(starts)) for f in sequence] for sequence in functions
-    ])  # fmt: skip
+    rows = np.array([[as_cubic(f.rows_at(starts)) for f in sequence] for sequence in functions])
     return np.ascontiguousarray(np.moveaxis(rows, 2, 0))
 
 

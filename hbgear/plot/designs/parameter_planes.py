@@ -38,7 +38,7 @@ CURVES = {
 @checked_arguments()
 def special_curves(
     curves: Sequence[Branch], ax: Axes | None = None, *, legend: bool = True, dimensionless: bool = False
-) -> Axes:  # fmt: skip
+) -> Axes:
     r"""Draw curves of special points in the plane of two parameters, with their points of codimension two.
 
     Parameters
@@ -119,9 +119,7 @@ def _add_legend(ax: Axes) -> None:
 
 
 @checked_arguments()
-def jump_map(
-    jumps: JumpMap, ax: Axes | None = None, *, legend: bool = True, dimensionless: bool = False
-) -> Axes:  # fmt: skip
+def jump_map(jumps: JumpMap, ax: Axes | None = None, *, legend: bool = True, dimensionless: bool = False) -> Axes:
     """Draw jump frequencies against a design parameter; special points are marked.
 
     Ranges with several motions are shaded. Solid lines are jumps of a sweep with increasing Omega, dash-dotted lines

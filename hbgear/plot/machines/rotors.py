@@ -63,8 +63,7 @@ def campbell(found: Campbell, ax: Axes | None = None, *, legend: bool = True, di
                     linestyle="--", linewidth=0.9, label=f"order {order:.4g}: {word}", gid=f"order {name}")  # fmt: skip
         if found.critical:
             points = [(abscissa.scale * speed.Omega, speed.frequency * unit) for speed in found.critical]
-            ax.plot(*zip(*points, strict=True), "o",
-                    color="black", markersize=3.4, label="critical speed", zorder=3)  # fmt: skip
+            ax.plot(*zip(*points, strict=True), "o", color="black", markersize=3.4, label="critical speed", zorder=3)
         ax.set_xlim(speeds[0], speeds[-1])
         ax.set_ylim(0, top)
         ax.set_xlabel(abscissa.label)

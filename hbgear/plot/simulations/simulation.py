@@ -318,9 +318,7 @@ def basins(found: Basins, ax: Axes | None = None, *, model: Model | None = None,
 
 
 @checked_arguments()
-def validation(
-    report: Report, branch: Branch, element: int | str = 0, *, dimensionless: bool = False
-) -> Figure:  # fmt: skip
+def validation(report: Report, branch: Branch, element: int | str = 0, *, dimensionless: bool = False) -> Figure:
     """Draw the validated points on the curve, numbered along it, and below their differences from time integration.
 
     Points that agree only with more harmonics have their own symbols, also for the remaining difference.
@@ -354,8 +352,7 @@ def validation(
         figure = new_figure(6.4, 7.2)
         top, low = figure.subplots(2, 1)
         for curve in branch.curves:
-            response(curve, "rms", element, top, special=False, jumps=False, legend=False,
-                     dimensionless=dimensionless)  # fmt: skip
+            response(curve, "rms", element, top, special=False, jumps=False, legend=False, dimensionless=dimensionless)
         abscissa = Abscissa([branch], dimensionless)
         factor = Ordinate("rms", element, dimensionless=dimensionless).factor(branch)
         x = abscissa.scale * np.array([row.value for row in report.rows])

@@ -81,7 +81,7 @@ def finer_problem(problem: Any) -> Any:
 
 def resolution_error(
     problem: Any, finer: Any, X: Array, parameters: Mapping[str, float]
-) -> tuple[float, dict[str, float]]:  # fmt: skip
+) -> tuple[float, dict[str, float]]:
     """Return the rms distance of a torus X (n + 1,) from the one with more harmonics, and the error of Omega_2.
 
     The latter is relative. Errors that are unknown are nan.
@@ -94,9 +94,7 @@ def resolution_error(
     return norm(weights * change), relative_changes(finer, start, change)
 
 
-def end_error(
-    problem: Any, X: Array, shape: Array, name: str, value: float, parameters: Mapping[str, float]
-) -> float:  # fmt: skip
+def end_error(problem: Any, X: Array, shape: Array, name: str, value: float, parameters: Mapping[str, float]) -> float:
     """Return the error of the parameter value at which the modulation vanishes; nan if it is unknown.
 
     At this end X (n + 1,) the equations are singular: any value fits a modulation of the size of rounding. With twice

@@ -32,9 +32,7 @@ from hbgear.harmonic.instants.special_points.special_motion import SpecialMotion
 from hbgear.harmonic.instants.special_points.surface import Surface
 from hbgear.harmonic.instants.special_points.two_parameters import SpecialPointCurve, SpecialPointFollower
 
-EQUATIONS = {
-    "LP": "FoldProblem", "PD": "PeriodDoublingProblem", "NS": "NeimarkSackerProblem", "GR": "GrazingProblem",
-}  # fmt: skip
+EQUATIONS = {"LP": "FoldProblem", "PD": "PeriodDoublingProblem", "NS": "NeimarkSackerProblem", "GR": "GrazingProblem"}
 """Equations of the same special points of a harmonic balance, which name the curve in files and figures."""
 
 DISTANCE_FROM_FOLD = 1e-4
@@ -78,9 +76,7 @@ class ExactSpecialPointProblem(SpecialPointProblem):
     known_points: tuple[KnownPoint, ...]
     codimension_two: Mapping[str, Event]
 
-    def __init__(
-        self, problem: Any, parameter: str, kind: str, point: KnownPoint, resonances: Sequence[Event]
-    ) -> None:  # fmt: skip
+    def __init__(self, problem: Any, parameter: str, kind: str, point: KnownPoint, resonances: Sequence[Event]) -> None:
         super().__init__(problem, parameter)
         events = (FoldEvent(), CuspEvent(), IsolaCentreEvent(), *resonances)
         self._fixed(kind=kind, known_points=(point,), codimension_two={event.kind: event for event in events})
@@ -160,9 +156,7 @@ class ExactSpecialPointProblem(SpecialPointProblem):
     ) -> SpecialPointCurve:
         """Return the curve of the special point over a span of a second parameter."""
         names, allowed = (self.parameter, name), self.range_of(self.parameter)
-        follower = SpecialPointFollower(
-            self._surface(start, name), self.kind, names, allowed, span, steps, report
-        )  # fmt: skip
+        follower = SpecialPointFollower(self._surface(start, name), self.kind, names, allowed, span, steps, report)
         return follower.run(start.state, start.parameters[name], start.grazing, start.direction)
 
     def direction(self, U: Array, **parameters: float) -> int:

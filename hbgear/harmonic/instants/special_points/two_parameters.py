@@ -101,9 +101,7 @@ class SpecialPointFollower:
         self.steps, self.report = steps, report
         self.curve, self.step = SpecialPointCurve(), steps.first_step
 
-    def run(
-        self, state: CurveState, second: float, grazing: Grazing | None, direction: int = 0
-    ) -> SpecialPointCurve:  # fmt: skip
+    def run(self, state: CurveState, second: float, grazing: Grazing | None, direction: int = 0) -> SpecialPointCurve:
         """Follow the curve from a special point in a direction of the second parameter; with 0 along the span."""
         try:
             first = self.motions.corrected(state, second, grazing)

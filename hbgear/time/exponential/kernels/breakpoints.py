@@ -14,7 +14,7 @@ from hbgear.time.exponential.segments import Integers
 @kernel
 def set_levels(
     breakpoints: Breakpoints, r: int, x: float, length: float, N: int, springs: int, m: int, levels: Array
-) -> None:  # fmt: skip
+) -> None:
     """Set the levels of all contacts on (x, x + length), in cells of the period; no breakpoint lies inside."""
     starts, rows, unit = breakpoints.starts, breakpoints.rows, 2 * np.pi / N
     width = unit * length

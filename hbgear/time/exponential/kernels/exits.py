@@ -27,7 +27,7 @@ def may_leave(
 @kernel
 def _may_leave_segment(
     nodes: Array, y: Array, d: Array, v: Array, row: int, j: int, levels: Array, low: float, high: float, h: float
-) -> bool:  # fmt: skip
+) -> bool:
     """Return whether a displacement is beyond an end of its segment at a node, or may be between two nodes.
 
     Between two nodes d exceeds both values at most by a quarter of the interval times the change of the rate. The test
@@ -113,9 +113,7 @@ def _apply(columns: Array, data: Array, out: Array) -> None:
 
 
 @kernel
-def _exit_of_element(
-    c: Array, n: int, d: Array, v: Array, low: float, high: float, size: float
-) -> tuple[float, int]:  # fmt: skip
+def _exit_of_element(c: Array, n: int, d: Array, v: Array, low: float, high: float, size: float) -> tuple[float, int]:
     """Return where in the step a motion first leaves (low, high), inf if nowhere, and through which end (-1, +1, 0).
 
     c (n,) are its Chebyshev coefficients, d and v its values at SAMPLES_PER_STEP + 1 equidistant instants. The extrema
