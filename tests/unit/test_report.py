@@ -114,7 +114,8 @@ def test_report_has_jumps_accuracy_and_validation(page, pair):
 
 
 def test_warnings_are_highlighted(pair, monkeypatch):
-    monkeypatch.setattr(hb.Branch, "warnings", ("the errors are large; use more harmonics",))
+    texts = ("the errors are large; use more harmonics",)
+    monkeypatch.setattr("hbgear.analysis.summary.branch_warnings", lambda branch: texts)
     text = hb.report(pair).html
     assert '<p class="warning">warning: the errors are large; use more harmonics</p>' in text
 
