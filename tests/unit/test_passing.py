@@ -69,6 +69,12 @@ def test_a_difference_refused_on_both_sides_gives_the_reason():
         parameter_derivatives(ContinuationProblem(), "p", {"p": 1.0}, nowhere)
 
 
+def test_a_step_below_rounding_is_an_error_that_searches_expect():
+    """Where dX/dp is infinite, a curve of Neimark-Sacker points ended with a division by zero."""
+    with pytest.raises(ValueError, match=r"below the rounding of p = 1"):
+        parameter_derivatives(ContinuationProblem(), "p", {"p": 1.0}, lambda at: (at["p"],), 1e-20)
+
+
 @pytest.mark.parametrize("value", [0.0, 1e-9, -1e-12])
 def test_a_difference_near_zero_keeps_its_digits(value):
     (slope,) = parameter_derivatives(ContinuationProblem(), "p", {"p": value}, lambda at: (np.sin(1.0 + at["p"]),))

@@ -43,7 +43,7 @@ def parameter_derivatives(
 
     ``f`` returns a tuple of quantities at a dict of all parameters, each a number, an array or a matrix. It raises
     ValueError outside the range of the parameter, and so does this function if that happens on both sides. ``step`` is
-    relative to the size of the parameter.
+    relative to the size of the parameter. ValueError is raised if it is below rounding.
 
     Examples
     --------
@@ -63,6 +63,8 @@ def parameter_derivatives(
             if refused is not None:
                 raise
             refused = error
+    if value + h == value - h:
+        raise ValueError(f"the step {h:.1e} of the derivative in {name} is below the rounding of {name} = {value:g}")
     if len(ends) == 2:
         (a, above), (b, below) = ends
         return tuple((x - y) / (a - b) for x, y in zip(above, below, strict=True))
