@@ -301,7 +301,8 @@ def _traced_shortfall(search: Search, u: Array, deviations: Mapping[str, float])
     goal = search.goal
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", ImplausibleInputWarning)
-        curve = trace(search.balance(u, deviations), "Omega", search.span, stability=goal.kind == "no jumps")
+        balance, stability = search.balance(u, deviations), goal.kind == "no jumps"
+        curve = raise_if_interrupted(trace(balance, "Omega", search.span, stability=stability))
         if goal.kind != "no jumps":
             curves = curve.curves
             if any(part.asymptotes for part in curves):
@@ -316,7 +317,7 @@ def _traced_shortfall(search: Search, u: Array, deviations: Mapping[str, float])
                 break
             unit = side * abs(search.start[name])
             toward_cusp = {**deviations, name: deviations.get(name, 0.0) - goal.margin * unit}
-            traced.append(trace(search.balance(u, toward_cusp), "Omega", search.span))
+            traced.append(raise_if_interrupted(trace(search.balance(u, toward_cusp), "Omega", search.span)))
     if not any(map(_jumps, traced)):
         return curve, 0.0 if _complete(search, *traced) else math.nan
     shortfall = search.slack.shortfall  # nan if there is no value at which they vanish

@@ -182,6 +182,23 @@ def test_a_start_without_a_response_is_left_out(monkeypatch):
         search.run(np.array([0.05]), np.array([0.01]), np.array([0.2]), 3, 0)
 
 
+def test_ctrl_c_during_a_curve_ends_the_search(monkeypatch):
+    """A trace returns the part of its curve after Ctrl-C; the search took it for a model without a response."""
+    truth = hb.trace(hb.HarmonicBalance(hb.Duffing(zeta=0.06), 3), "Omega", (0.7, 0.9))
+    data, calls = hb.design.Measurements(truth.values, truth.amplitude("pp2")), []
+
+    def interrupted(_):
+        raise KeyboardInterrupt
+
+    def trace(*args, **options):
+        calls.append(args)
+        return hb.trace(*args, **options, progress=interrupted if len(calls) == 2 else None)
+
+    monkeypatch.setattr("hbgear.design.fitting.sweep_motions.trace", trace)
+    found = hb.design.fit(hb.Duffing(), data, ["zeta"], harmonics=3)
+    assert found.status == "interrupted" and len(calls) == 2
+
+
 def test_a_parameter_without_effect_keeps_its_value():
     """The pair has no harmonics of the stiffness, of which eps_scale is the factor; a start had the factor 1.7."""
     data = hb.design.Measurements(np.linspace(0.7, 1.0, 8), np.full(8, 0.1))

@@ -26,6 +26,7 @@ from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.interpolation import Crossing, crossings_at
 from hbgear.continuation.results.point import Jump
 from hbgear.continuation.results.stability import is_stable
+from hbgear.continuation.results.termination import raise_if_interrupted
 from hbgear.continuation.solvers.newton import NoConvergence, solve
 from hbgear.continuation.tracing.trace import trace
 from hbgear.design.fitting.measurements import Measurements
@@ -95,7 +96,7 @@ class SweepMotions:
         self.parameter_values = {**model.parameters, **values}
         try:
             self.units = units_at(self.problem, {**model.entries, **self.parameter_values}, self.names)
-            self.curve = trace(self.problem, "Omega", span, at=dict(values), accuracy=None)
+            self.curve = raise_if_interrupted(trace(self.problem, "Omega", span, at=dict(values), accuracy=None))
         except (NoConvergence, ValueError) as error:
             raise NotTraced(f"no response at {_values_text(values)}: {error}") from error
         if not len(self.curve) or self.curve.multipliers is None or not self.curve.status.complete:

@@ -33,6 +33,7 @@ from hbgear.continuation.problem.evaluation import Evaluation
 from hbgear.continuation.problem.finite_differences import parameter_derivatives
 from hbgear.continuation.results.point import Point
 from hbgear.continuation.results.status import Status
+from hbgear.continuation.results.termination import raise_if_interrupted
 from hbgear.continuation.solvers.newton import NoConvergence, solve
 from hbgear.continuation.tracing.trace import trace
 from hbgear.harmonic.autonomous.modes import STATIC_FREQUENCY, LinearMode, linear_mode
@@ -263,7 +264,9 @@ class BackboneProblem(ContinuationProblem):
         except NoConvergence:
             low = _LOWEST_START_RATIO * amplitude
             guess = self._linear_motion(mode, low)
-            curve = trace(self, AMPLITUDE, (low, amplitude), guess, at=parameters, cover=False, stability=False)
+            curve = raise_if_interrupted(
+                trace(self, AMPLITUDE, (low, amplitude), guess, at=parameters, cover=False, stability=False)
+            )
             if not curve.status.complete:
                 raise
             return self.join(curve[-1].X, curve[-1].parameters)

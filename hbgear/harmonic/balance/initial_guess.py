@@ -18,6 +18,7 @@ import numpy as np
 from hbgear.common.arrays import Array
 from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.problem.evaluation import Evaluation
+from hbgear.continuation.results.termination import raise_if_interrupted
 from hbgear.continuation.solvers.homotopy import solve_along
 from hbgear.continuation.solvers.newton import NoConvergence, Solution, solve
 from hbgear.continuation.stepping.control import StepControl
@@ -164,8 +165,10 @@ def continue_from_nearby_frequency(problem: Any, parameters: dict[str, float]) -
             X = _solution_from_guesses(problem, nearby, guesses)
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # warnings about the auxiliary branch are of no use
-                curve = trace(problem, "Omega", (nearby_Omega, Omega), X, at=fixed, steps=StepControl(max_points=1000),
-                              stability=False, special=False, cover=False)  # fmt: skip
+                curve = raise_if_interrupted(trace(
+                    problem, "Omega", (nearby_Omega, Omega), X, at=fixed, steps=StepControl(max_points=1000),
+                    stability=False, special=False, cover=False,
+                ))  # fmt: skip
         except NoConvergence:  # also of a motion without contact, from which no curve begins: its mean is arbitrary
             continue
         if curve.values[-1] == Omega:

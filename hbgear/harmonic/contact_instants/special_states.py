@@ -10,6 +10,7 @@ import numpy as np
 
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point, SpecialPoint
+from hbgear.continuation.results.termination import raise_if_interrupted
 from hbgear.continuation.solvers.newton import NoConvergence
 from hbgear.continuation.tracing.trace import trace
 from hbgear.harmonic.bifurcations.codimension_two import FirstResonanceEvent, SecondResonanceEvent
@@ -97,7 +98,7 @@ def exact_or_traced_again(
         return exact
     value = point.parameters[parameter]
     with suppress(NoConvergence, ValueError):
-        curve = trace(problem, parameter, tuple(span), at=dict(branch.fixed), stability=False)
+        curve = raise_if_interrupted(trace(problem, parameter, tuple(span), at=dict(branch.fixed), stability=False))
         for special in (candidate for part in curve.curves for candidate in part.special):
             is_same = abs(special.parameters[parameter] - value) <= SAME_PLACE * abs(value)
             if is_same and special.kind == getattr(point, "kind", ""):

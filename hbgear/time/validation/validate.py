@@ -39,6 +39,7 @@ from hbgear.continuation.problem.evaluation import AnyProblem
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import BIFURCATING, LANDINGS, Jump, Point
 from hbgear.continuation.results.stability import STABILITY_TOLERANCE
+from hbgear.continuation.results.termination import raise_if_interrupted
 from hbgear.continuation.solvers.newton import SOLVER_ERRORS, NewtonSettings, NoConvergence, solve
 from hbgear.continuation.tracing.jumps import DISTANCES_FROM_BRANCH_POINT, point_on_new_branch
 from hbgear.continuation.tracing.trace import trace
@@ -214,7 +215,9 @@ def _continues(branch: Branch, jump: Jump, outcome: JumpOutcome) -> bool:
             continue
         span = (start.parameters[jump.parameter], outcome.value)
         with suppress(NoConvergence, ValueError):
-            part = trace(start.problem, jump.parameter, span, start, cover=False, special=False, accuracy=None)
+            part = raise_if_interrupted(
+                trace(start.problem, jump.parameter, span, start, cover=False, special=False, accuracy=None)
+            )
             if part.status.complete and same_motion(outcome.motion, (part[-1],)) is not None:
                 return True
     return False
