@@ -46,6 +46,10 @@ LONGEST_STEP_OVER_ROOT = 10.0
 curve."""
 
 
+MIN_CROSSING_SHARE = 1e-3
+"""Change of an equation along the curve, over its change in any direction, if the curve crosses the boundary."""
+
+
 def step_over_corner(
     problem: Any, u: Array, tangent: Array, orientation: int, scale: Array, smallest: float, turn: float, name: str,
     fixed: Mapping[str, float], settings: NewtonSettings,
@@ -106,13 +110,20 @@ def _point_beyond(
 
 
 def _largest_change(equations: _Equations, u: Array, probe: Array, scale: Array) -> Array:
-    """Return the direction in which the change of the derivatives between two points is largest, of unit length."""
+    """Return the direction in which the derivatives change between two points, of unit length.
+
+    It is that of the equation whose change is largest along the line through the points. If the line lies in the
+    boundary, it is that of the largest change. Where many contacts begin at once, as all around a circular whirl, some
+    equations change in directions across the curve only.
+    """
     before, beyond = (
         np.column_stack([as_dense(e.dR_dX), e.dR_dp]) * scale for e in (equations.at(u), equations.at(probe))
     )
-    sizes = np.linalg.norm(beyond - before, axis=1)
-    row = (beyond - before)[np.argmax(sizes)]
-    return row * scale / (float(sizes.max()) or 1.0)
+    change, along = beyond - before, (probe - u) / scale
+    sizes, changes = np.linalg.norm(change, axis=1), np.abs(change @ along) / np.linalg.norm(along)
+    crosses = changes.max() > MIN_CROSSING_SHARE * sizes.max()
+    i = int(np.argmax(changes if crosses else sizes))
+    return change[i] * scale / (float(sizes[i]) or 1.0)
 
 
 def _from_probe(equations: _Equations, u: Array, probe: Array, n: Array, scale: Array) -> CorrectedPoint:
