@@ -390,3 +390,20 @@ def test_friction_bounds_a_whirl_without_damping(law, largest):
     curve = hb.trace(hb.HarmonicBalance(system, 1), "Omega", (2.0, 0.8), stability=False, special=False)
     assert curve.status.complete and not curve.asymptotes and not curve.others
     assert curve.amplitude("rms").max() == pytest.approx(largest / np.sqrt(2), rel=1e-3)
+
+
+@pytest.mark.slow
+def test_a_curve_through_the_first_rub_of_an_isotropic_rotor():
+    """All phases of the circular whirl touch at once, and the equations change in many directions: the curve ended."""
+    k, F, c = 4.0, 0.2, 0.1
+    rub = hb.mechanics.VectorElement(UNIT, hb.mechanics.RadialClearance(k, 1.0))
+    load = hb.Load(cosine={1: [F, 0.0]}, sine={1: [0.0, F]}, power=2)
+    curve = hb.trace(
+        hb.HarmonicBalance(hb.System(np.eye(2), c * np.eye(2), np.eye(2), list(rub), load), 7), "Omega", (0.5, 2.5)
+    )
+    assert curve.status.complete and not curve.warnings
+    r, W = np.hypot(*curve.X.reshape(len(curve), 2, 15)[:, 0, 1:3].T), curve.values
+    Z = 1 - W**2 + 1j * c * W
+    np.testing.assert_allclose(np.abs(Z * r + k * np.maximum(r - 1, 0)), F * W**2, rtol=1e-9)
+    folds = [point.parameters["Omega"] for point in curve.special if point.kind == "LP"]
+    assert len(folds) == 2 and r.max() > 1.5

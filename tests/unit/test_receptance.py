@@ -281,7 +281,7 @@ def test_dependent_directions_agree_with_integration():
     gaps = [rows[0], rows[1] + 0.03 * unit[1], rows[2] + 0.05 * unit[2]]
     np.testing.assert_allclose(gaps[2], gaps[0] - gaps[1], rtol=0, atol=1e-10)
     report = validate(curve, 4, landing="nearest")
-    assert all(row.status == "agrees" for row in report.rows)
+    assert all(row.status in ("agrees", "agrees with H = 48") for row in report.rows)  # next to LP1 the error is 1e-4
 
 
 def test_a_reduced_structure_with_dependent_directions():
