@@ -47,7 +47,7 @@ curve."""
 
 
 MIN_CROSSING_SHARE = 1e-3
-"""Change of an equation along the curve, over its change in any direction, if the curve crosses the boundary."""
+"""Smallest change of an equation along the curve at a crossing of the boundary, over the largest in any direction."""
 
 
 def step_over_corner(

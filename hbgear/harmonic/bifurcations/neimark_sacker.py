@@ -321,6 +321,7 @@ class PairModulusProblem(_PairProblem):  # numpydoc ignore=PR02
         return complex(mu[np.argmin(np.abs(mu - near))])
 
     def _exponent(self, mu: complex, Omega: float) -> complex:
+        """Return the exponent of a multiplier, its logarithm over the period."""
         return complex(np.log(mu) * Omega / (2 * np.pi * self.problem.nu))
 
     def _multipliers(self, X: Array, parameters: dict[str, float]) -> ComplexArray:
