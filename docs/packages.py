@@ -60,8 +60,11 @@ def picture() -> str:
     """Return the picture as SVG."""
     n = len(PACKAGES)
     width, height = LEFT + n * CELL + 20, TOP + n * CELL + 20
-    out = [f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" font-family="sans-serif" '
-           'font-size="13">', f'<rect width="{width}" height="{height}" fill="white"/>']  # fmt: skip
+    out = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" font-family="sans-serif" '
+        'font-size="13">',
+        f'<rect width="{width}" height="{height}" fill="white"/>',
+    ]
     for j, package in enumerate(PACKAGES):
         x = LEFT + (j + 0.5) * CELL
         out.append(f'<text transform="translate({x + 4:g},{TOP - 8}) rotate(-60)">{package}</text>')

@@ -131,8 +131,9 @@ def _in_processes(
 
 def main() -> int:
     """Run the command; exit code 1 if a study failed, 2 for bad input, 3 when interrupted."""
-    parser = argparse.ArgumentParser(prog="python -m studies", description=__doc__,
-                                     formatter_class=argparse.RawDescriptionHelpFormatter)  # fmt: skip
+    parser = argparse.ArgumentParser(
+        prog="python -m studies", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("names", nargs="*", metavar="NAME")
     parser.add_argument("--quick", action="store_true", help="reduced size as in the tests; needs -o")
     parser.add_argument(

@@ -105,8 +105,11 @@ def main() -> None:
     spec = sys.modules["__main__"].__spec__
     assert spec is not None
     name = spec.name
-    parser = argparse.ArgumentParser(prog=f"python -m {name}", description=sys.modules["__main__"].__doc__,
-                                     formatter_class=argparse.RawDescriptionHelpFormatter)  # fmt: skip
+    parser = argparse.ArgumentParser(
+        prog=f"python -m {name}",
+        description=sys.modules["__main__"].__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
     parser.add_argument(
         "-o", "--out", type=Path, help="folder for the figure (default: figures, in the folder of the study)"
     )

@@ -53,8 +53,9 @@ def clicked(driver: Any, x: float, y: float) -> None:
         "const d = document.getElementById('response'), l = d._fullLayout; d.scrollIntoView();"
         "const r = d.getBoundingClientRect(), [x, y] = arguments;"
         "return [r.left + l.xaxis._offset + l.xaxis.d2p(x), r.top + l.yaxis._offset + l.yaxis.d2p(y)]",
-        float(x), float(y),
-    )  # fmt: skip
+        float(x),
+        float(y),
+    )
     mouse = ActionChains(driver)
     mouse.w3c_actions.pointer_action.move_to_location(round(at[0]), round(at[1]))
     mouse.pause(0.2).click().perform()

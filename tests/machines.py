@@ -61,8 +61,10 @@ def van_der_pol(eps: float = 0.2, damping: float = 0.0) -> hb.System:
 def two_masses(F=0.13, ground=None, link=None):
     """Two masses whose response is quasi-periodic between the Neimark-Sacker points 1.1153 and 1.2513."""
     C, K = [[0.015, -0.013], [-0.013, 0.013]], [[1.0453, -0.0453], [-0.0453, 0.0453]]
-    springs = [hb.Element([1.0, 0.0], ground or hb.Cubic(1.0), name="ground"),
-               hb.Element([1.0, -1.0], link or hb.Cubic(0.0042), name="link")]  # fmt: skip
+    springs = [
+        hb.Element([1.0, 0.0], ground or hb.Cubic(1.0), name="ground"),
+        hb.Element([1.0, -1.0], link or hb.Cubic(0.0042), name="link"),
+    ]
     return hb.System(np.diag([1.0, 0.05]), C, K, springs, hb.Load(cosine={1: [F, 0.0]}))
 
 
@@ -89,10 +91,18 @@ def state_matrix(M, C, K):
 def cantilever(n):
     """Mass and stiffness matrices of a clamped beam of unit length, mass and bending stiffness, of n elements."""
     h, (M, K) = 1 / n, np.zeros((2, 2 * n + 2, 2 * n + 2))
-    stiffness = [[12, 6 * h, -12, 6 * h], [6 * h, 4 * h**2, -6 * h, 2 * h**2],
-                 [-12, -6 * h, 12, -6 * h], [6 * h, 2 * h**2, -6 * h, 4 * h**2]]  # fmt: skip
-    mass = [[156, 22 * h, 54, -13 * h], [22 * h, 4 * h**2, 13 * h, -3 * h**2],
-            [54, 13 * h, 156, -22 * h], [-13 * h, -3 * h**2, -22 * h, 4 * h**2]]  # fmt: skip
+    stiffness = [
+        [12, 6 * h, -12, 6 * h],
+        [6 * h, 4 * h**2, -6 * h, 2 * h**2],
+        [-12, -6 * h, 12, -6 * h],
+        [6 * h, 2 * h**2, -6 * h, 4 * h**2],
+    ]
+    mass = [
+        [156, 22 * h, 54, -13 * h],
+        [22 * h, 4 * h**2, 13 * h, -3 * h**2],
+        [54, 13 * h, 156, -22 * h],
+        [-13 * h, -3 * h**2, -22 * h, 4 * h**2],
+    ]
     for e in range(n):
         at = slice(2 * e, 2 * e + 4)
         K[at, at] += np.divide(stiffness, h**3)

@@ -136,9 +136,13 @@ class Campbell:
 
 @checked_arguments(orders="orders by name, such as {'mesh': 1.0, 'pinion shaft': 1 / 25}")
 def campbell(
-    model: Model, span: tuple[float, float], orders: Mapping[str, float] | None = None, points: int = 101,
-    modes: int | None = None, closed: Mapping[str, bool] | Sequence[bool] | bool | None = None,
-) -> Campbell:  # fmt: skip
+    model: Model,
+    span: tuple[float, float],
+    orders: Mapping[str, float] | None = None,
+    points: int = 101,
+    modes: int | None = None,
+    closed: Mapping[str, bool] | Sequence[bool] | bool | None = None,
+) -> Campbell:
     """Compute the natural frequencies of a model over the excitation frequency, and its critical speeds.
 
     Parameters
@@ -210,8 +214,12 @@ def campbell(
     starts = [next(p.imag for p in column if np.isfinite(p)) for column in mode_poles]
     lowest = np.argsort(starts, kind="stable")[:mode_count]
     poles, whirl = (np.array([rows[i] for i in lowest]).T.reshape(points, -1) for rows in (mode_poles, mode_whirls))
-    crossings = [crossing for name, ratio in ratios.items() for i in range(poles.shape[1])
-                 for crossing in _critical_speeds(rotor, Omega, poles[:, i], name, ratio, i + 1)]  # fmt: skip
+    crossings = [
+        crossing
+        for name, ratio in ratios.items()
+        for i in range(poles.shape[1])
+        for crossing in _critical_speeds(rotor, Omega, poles[:, i], name, ratio, i + 1)
+    ]
     with np.errstate(invalid="ignore"):
         damping = -poles.real / np.abs(poles)
     names = [e.name for e in system.elements]
@@ -238,8 +246,10 @@ def _element_stiffness(
         states = [*np.atleast_1d(np.asarray(closed, dtype=bool)).tolist()] * (1 if np.ndim(closed) else len(names))
     if len(states) != len(names):
         raise ValueError(f"closed has {len(states)} entries; need {len(names)}, one for each element")
-    states = [False if state is None and _is_linear(e.law) else state
-              for e, state in zip(system.elements, states, strict=True)]  # fmt: skip
+    states = [
+        False if state is None and _is_linear(e.law) else state
+        for e, state in zip(system.elements, states, strict=True)
+    ]
     if None not in states:
         return np.diag([_mean_slope(e.law, bool(state)) for e, state in zip(system.elements, states, strict=True)])
     static = _equilibrium_stiffness(model, span, [i for i, state in enumerate(states) if state is None], names)

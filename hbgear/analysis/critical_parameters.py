@@ -194,15 +194,24 @@ def critical_parameter(
     point, fold, below = min(cusps, key=lambda cusp: abs(cusp.point.parameters[parameter] - model_value))
     other_cusps = [(p.parameters[parameter], p.parameters["Omega"]) for p, *_ in cusps if p is not point]
     return CriticalParameter(
-        parameter, point.parameters[parameter], point.parameters["Omega"], point, fold, below, tuple(other_cusps),
-        ending.status, ending.message_with_advice,
-    )  # fmt: skip
+        parameter,
+        point.parameters[parameter],
+        point.parameters["Omega"],
+        point,
+        fold,
+        below,
+        tuple(other_cusps),
+        ending.status,
+        ending.message_with_advice,
+    )
 
 
 def find_cusps(
-    problem: HarmonicBalance, parameter: str, frequencies: tuple[float, float] | None,
+    problem: HarmonicBalance,
+    parameter: str,
+    frequencies: tuple[float, float] | None,
     progress: ProgressCallback | None = None,
-) -> Iterator[FoldCusp]:  # fmt: skip
+) -> Iterator[FoldCusp]:
     """Yield the cusps to which the folds of the first response curve with such folds lead; see `critical_parameter`.
 
     Cusps of one fold curve follow each other in its order. NoFoldError is raised if no cusp is found.

@@ -163,10 +163,11 @@ class JumpMap:
         infinite = {(fold.values[k], fold.tracked["Omega"][k]) for fold in self.folds for k, _ in fold.unbounded_ends}
         known = [point.parameters for curve in self.curves for point in folds_of(curve)]
         return {
-            i for i, arm in enumerate(self.arms)
+            i
+            for i, arm in enumerate(self.arms)
             if infinite & {(arm.values[k], arm.Omega[k]) for k in (0, -1)}
             and not any(abs(arm.at(at[self.parameter]) / at["Omega"] - 1) < SAME_SECTION_TOLERANCE for at in known)
-        }  # fmt: skip
+        }
 
     @cached_property
     def _asymptotes(self) -> list[tuple[float, list[tuple[float, int]]]]:
@@ -383,10 +384,16 @@ def jump_map(
         search.ending.record_error(error, f"at the response curve at {parameter} = {value:.5g} or its folds")
     message = "; ".join(text for text in (search.ending.message_with_advice, gap) if text)
     return JumpMap(
-        parameter, (low, high), tuple(fold for fold, _ in search.folds),
-        tuple(arm for _, arms in search.folds for arm in arms), dict(problem.model.labels), search.ending.status,
-        message, tuple(search.curves.values()), frequencies,
-    )  # fmt: skip
+        parameter,
+        (low, high),
+        tuple(fold for fold, _ in search.folds),
+        tuple(arm for _, arms in search.folds for arm in arms),
+        dict(problem.model.labels),
+        search.ending.status,
+        message,
+        tuple(search.curves.values()),
+        frequencies,
+    )
 
 
 _ADVICE = "complete curves are kept; continue from them (in Python: jump_map(..., known=this map))"
@@ -479,10 +486,11 @@ def _untraced_folds(
     for value, curve in curves.items():
         known = [point.parameters["Omega"] for point in folds_of(curve)]
         untraced = [
-            Omega for Omega in sorted(arm.at(value) for arm in arms)
+            Omega
+            for Omega in sorted(arm.at(value) for arm in arms)
             if min(frequencies) <= Omega <= max(frequencies)
             and not any(abs(Omega / other - 1) < SAME_SECTION_TOLERANCE for other in known)
-        ]  # fmt: skip
+        ]
         if untraced:
             places = ", ".join(f"{Omega:.5g}" for Omega in untraced)
             return (

@@ -173,8 +173,11 @@ def run_up(branch: Branch, direction: str = "up", others: Sequence[Branch] = (),
     if layout_of(branch) is None or any(curve.stable is None for curve in branches):
         raise ValueError("a run-up needs branches of motions with known stability; trace them with stability=True")
     sign, start_motion = DIRECTIONS[direction], None
-    starts = [(sign * curve.values[i], number, i) for number, curve in enumerate(branches[: len(branch.curves)])
-              for i in np.flatnonzero(np.asarray(curve.stable)).tolist()]  # fmt: skip
+    starts = [
+        (sign * curve.values[i], number, i)
+        for number, curve in enumerate(branches[: len(branch.curves)])
+        for i in np.flatnonzero(np.asarray(curve.stable)).tolist()
+    ]
     if not starts:
         raise ValueError("no motion of the branch is stable, so no sweep follows it; give a branch with stable points")
     _, current, first = min(starts)

@@ -102,10 +102,15 @@ def special_table(
     height = Ordinate(measure or usual_measure(branch, dimensionless, element), element, dimensionless=dimensionless)
     branch = height.prepared(branch)
     rows = [
-        [point.label, *position_texts(branch, point, dimensionless), size_text(point, height, branch), regime_of(point),
-         event_description(branch, point)]
+        [
+            point.label,
+            *position_texts(branch, point, dimensionless),
+            size_text(point, height, branch),
+            regime_of(point),
+            event_description(branch, point),
+        ]
         for point in branch.special
-    ]  # fmt: skip
+    ]
     headers = ["", *position_headers(branch, dimensionless), height.header(branch), "regime", "event"]
     if any(point.certificate for point in branch.special):
         headers.append(certified_header(branch, dimensionless))
@@ -148,9 +153,13 @@ def certified_bounds(
 
 
 def jump_table(
-    branch: Branch, measure: str | None = None, element: int | str = 0, others: Sequence[Branch] = (),
-    names: Sequence[str] = (), dimensionless: bool = False,
-) -> tuple[list[str], Rows, list[str]]:  # fmt: skip
+    branch: Branch,
+    measure: str | None = None,
+    element: int | str = 0,
+    others: Sequence[Branch] = (),
+    names: Sequence[str] = (),
+    dimensionless: bool = False,
+) -> tuple[list[str], Rows, list[str]]:
     """Return headers and rows of the table of the jumps of a branch, and notes on their landings.
 
     A jump may also land on one of ``others``, further branches with these ``names``; the table then names the branch.
@@ -173,9 +182,15 @@ def jump_table(
             notes.append(f"{jump.label}: {jump.note}")
         direction = "increasing" if jump.direction > 0 else "decreasing"
         rows.append(
-            [jump.label, *position_texts(branch, jump.before, dimensionless), direction,
-             size_text(jump.before, height, branch), after, jump.landing_description]
-        )  # fmt: skip
+            [
+                jump.label,
+                *position_texts(branch, jump.before, dimensionless),
+                direction,
+                size_text(jump.before, height, branch),
+                after,
+                jump.landing_description,
+            ]
+        )
         if jump.is_uncertain:
             uncertain.append(jump.label)
     if uncertain:
@@ -201,10 +216,13 @@ def leaving_lines(branch: Branch) -> list[str]:
     lines = []
     for kind, (motions, command) in _LEAVING.items():
         labels = [
-            point.label for point in branch.special
-            if point.kind == kind and point.label not in jumps and 0 < point.index < last
+            point.label
+            for point in branch.special
+            if point.kind == kind
+            and point.label not in jumps
+            and 0 < point.index < last
             and stable[point.index - 1] != stable[point.index + 1]
-        ]  # fmt: skip
+        ]
         if labels:
             text = f"stability also ends at {', '.join(labels)}, where {motions} leave"
             lines.append(text if kind == "NS" and not _has_tori(branch) else f"{text}: hbgear {command} FILE LABEL")

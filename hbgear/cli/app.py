@@ -50,17 +50,35 @@ OPTION_ALIASES = {
 COMMANDS = {
     "Gears and models": (gear.gear, gear.speed, models.models),
     "Response curves": (
-        curves.trace, curves.plot_command, curves.jumps, curves.info, gear.results, curves.extend, pages.report,
+        curves.trace,
+        curves.plot_command,
+        curves.jumps,
+        curves.info,
+        gear.results,
+        curves.extend,
+        pages.report,
         pages.explore,
     ),
     "Further motions": (
-        design.switch, design.survey, motions.follow, motions.backbone, motions.cycles, motions.torus, rotors.campbell,
+        design.switch,
+        design.survey,
+        motions.follow,
+        motions.backbone,
+        motions.cycles,
+        motions.torus,
+        rotors.campbell,
     ),
     "Jumps and design": (
-        design.map_command, design.critical, fit.sensitivity, fit.scatter, fit.redesign, study.study, fit.fit,
+        design.map_command,
+        design.critical,
+        fit.sensitivity,
+        fit.scatter,
+        fit.redesign,
+        study.study,
+        fit.fit,
     ),
     "Validation": (time.validate, time.sweep, time.basins, certify.certify),
-}  # fmt: skip
+}
 """Commands by the heading under which the help lists them, in its order."""
 
 

@@ -80,5 +80,6 @@ def _special() -> list[tuple[str, hb.SpecialPoint]]:
         return []
     return [
         (label_on_curve(number, point), point)
-        for number, curve in enumerate(branch.curves, 1) for point in curve.special
-    ]  # fmt: skip
+        for number, curve in enumerate(branch.curves, 1)
+        for point in curve.special
+    ]

@@ -123,8 +123,10 @@ def print_text(text: str) -> None:
     """Print a sentence; on a terminal, lines end between words."""
     if sys.stdout.isatty():
         width = shutil.get_terminal_size().columns
-        wrapped = (textwrap.wrap(line, width, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)
-                   for line in text.splitlines())  # fmt: skip
+        wrapped = (
+            textwrap.wrap(line, width, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False)
+            for line in text.splitlines()
+        )
         text = "\n".join("\n".join(lines) for lines in wrapped)
     print(text)
 
@@ -137,8 +139,9 @@ def listed(headers: list[str], rows: list[list[str]], title: str, width: int) ->
         for header, cell in zip(headers, row, strict=True):
             first, *others = cell.splitlines() or [""]
             for text in (f"{header}: {first}" if header else first, *(f"  {part}" for part in others)):
-                lines += textwrap.wrap(text, width, subsequent_indent="  ", break_long_words=False,
-                                       break_on_hyphens=False) or [""]  # fmt: skip
+                lines += textwrap.wrap(
+                    text, width, subsequent_indent="  ", break_long_words=False, break_on_hyphens=False
+                ) or [""]
     return "\n".join(lines)
 
 
@@ -157,9 +160,12 @@ def table_of(headers: list[str], rows: list[list[str]], title: str = "") -> Tabl
 
 
 def show_all_branches(
-    branch: hb.Branch, measure: str | None, element: int | str, show: Callable[..., None] | None = None,
+    branch: hb.Branch,
+    measure: str | None,
+    element: int | str,
+    show: Callable[..., None] | None = None,
     dimensionless: bool = False,
-) -> None:  # fmt: skip
+) -> None:
     """Print the tables of a curve and of the other curves of its span, with `show_branch` or another function."""
     curves = branch.curves
     for number, curve in enumerate(curves, 1):
@@ -236,8 +242,14 @@ def show_path(run: hb.analysis.RunUp, measure: str | None, element: int | str, d
                 after += f" to {size_text(jump.after, height, height.prepared(following.branch))}"
         layout = branch.layout
         values = (section.values[0], end.parameters[run.parameter])
-        rows.append([*(f"{abscissa.scale * value:.6g}" for value in values), str(getattr(layout, "nu", 1)),
-                     size_text(end, height, branch), after])  # fmt: skip
+        rows.append(
+            [
+                *(f"{abscissa.scale * value:.6g}" for value in values),
+                str(getattr(layout, "nu", 1)),
+                size_text(end, height, branch),
+                after,
+            ]
+        )
     name = "pinion r/min" if abscissa.label == SPEED_LABEL else run.parameter
     direction = "increasing" if run.direction == "up" else "decreasing"
     headers = [f"from {name}", "to", "period", f"{height.header(first)} at the end", ""]

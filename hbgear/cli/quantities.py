@@ -76,8 +76,10 @@ def deviation_of(labels: Mapping[str, str], option: str, name: str, text: str) -
     """Return the standard deviation of a parameter, see `parameter_value`; a percentage raises ValueError."""
     if text.rstrip().endswith("%"):
         unit = unit_of(str(labels.get(name, name)))
-        raise ValueError(f"{option} {name}={text}: a deviation is no percentage; give it in the unit of {name}"
-                         f"{f', {unit}' if unit else ', as a number'}")  # fmt: skip
+        raise ValueError(
+            f"{option} {name}={text}: a deviation is no percentage; give it in the unit of {name}"
+            f"{f', {unit}' if unit else ', as a number'}"
+        )
     return parameter_value(labels, option, name, text)
 
 
@@ -108,13 +110,17 @@ def amplitude_in_model(
         return number_of(option, text)
     example = "20um" if dimension == 1 else f"20um^{dimension}"
     if is_number(text):
-        raise ValueError(f"{option} {text}: need a quantity with its unit, such as {option} {example}; the unit of "
-                         f"lengths of the model is {short(1e6 * length, 6)} um")  # fmt: skip
+        raise ValueError(
+            f"{option} {text}: need a quantity with its unit, such as {option} {example}; the unit of "
+            f"lengths of the model is {short(1e6 * length, 6)} um"
+        )
     values = model.parameters | model.entries
     for name in changed:
         if length_scale(model, {name: 1.01 * values[name]}) != length:
-            raise ValueError(f"{option} {text}: the unit of lengths of the model changes with {name}, so that a limit "
-                             f"in it is not fixed; keep {name}")  # fmt: skip
+            raise ValueError(
+                f"{option} {text}: the unit of lengths of the model changes with {name}, so that a limit "
+                f"in it is not fixed; keep {name}"
+            )
     unit = "m" if dimension == 1 else f"m^{dimension}"
     return to_si(option, measure, text, unit) / length**dimension
 

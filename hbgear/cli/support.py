@@ -70,9 +70,13 @@ def range_of(
 
 
 def path_of(
-    model: hb.mechanics.Model, within: str | None, first: str | None, last: str | None, at: list[str] | None,
+    model: hb.mechanics.Model,
+    within: str | None,
+    first: str | None,
+    last: str | None,
+    at: list[str] | None,
     has_start: bool = False,
-) -> tuple[str, tuple[float, float], dict[str, float]]:  # fmt: skip
+) -> tuple[str, tuple[float, float], dict[str, float]]:
     """Return the continuation parameter, its span and the fixed parameters.
 
     The parameter is Omega, or that of --in; then Omega must be fixed by --at or a starting point (``has_start``).
@@ -159,8 +163,10 @@ def span_of(
     if usual is None and isinstance(model, hb.System) and None in (first, last):
         raise ValueError(f"--from and --to are needed: a structure has no usual range of Omega{_natural(model)}")
     a, b = usual or model.default_span
-    return (a if first is None else Omega_of(model, "--from", first),
-            b if last is None else Omega_of(model, "--to", last))  # fmt: skip
+    return (
+        a if first is None else Omega_of(model, "--from", first),
+        b if last is None else Omega_of(model, "--to", last),
+    )
 
 
 def _natural(system: hb.System) -> str:
@@ -184,8 +190,10 @@ def longer_span(branch: hb.Branch, within: str | None, first: str | None, last: 
     if branch.parameter != "Omega" and (first is not None or last is not None):
         raise ValueError(f"this curve is in {branch.parameter}: give its range as --in {branch.parameter}=FROM:TO")
     a, b = traced_span(branch)
-    return (a if first is None else _frequency(model, "--from", first),
-            b if last is None else _frequency(model, "--to", last))  # fmt: skip
+    return (
+        a if first is None else _frequency(model, "--from", first),
+        b if last is None else _frequency(model, "--to", last),
+    )
 
 
 def _frequency(model: hb.mechanics.Model | None, option: str, text: str) -> float:
@@ -252,8 +260,9 @@ def numbered(branch: hb.Branch, text: str, option: str = "LABEL") -> tuple[int, 
     if before is None and after is None:
         owners = [n for n, curve in enumerate(curves, 1) if any(point.label == text for point in curve.special)]
         if owners and owners[0] > 1:
-            raise ValueError(f"{option} {text}: curve 1 of the file has no such point; curve {owners[0]} has: "
-                             f"{owners[0]}:{text}")  # fmt: skip
+            raise ValueError(
+                f"{option} {text}: curve 1 of the file has no such point; curve {owners[0]} has: {owners[0]}:{text}"
+            )
         return 0, text
     label, number = (before[2], int(before[1])) if before else (after[1], int(after[2]))  # type: ignore[index]
     if not 1 <= number <= len(curves):

@@ -53,8 +53,9 @@ def checked_arguments(**needs: str) -> Callable[[F], F]:
         needed = {name for name, parameter in parameters.items() if parameter.default is parameter.empty}
         annotated = {  # type and default of each; to read a Signature takes longer
             name: (parameter.annotation, parameter.default, parameter.kind is parameter.VAR_KEYWORD)
-            for name, parameter in parameters.items() if parameter.annotation is not parameter.empty
-        }  # fmt: skip
+            for name, parameter in parameters.items()
+            if parameter.annotation is not parameter.empty
+        }
         name = call.__name__
 
         def bound_to(args: tuple[Any, ...], given: dict[str, Any]) -> Mapping[str, Any]:
@@ -271,8 +272,12 @@ _FITS: dict[Any, Callable[[Any], bool]] = {
 
 
 _WORDS: dict[Any, str] = {
-    float: "a finite number", int: "a whole number", bool: "True or False", str: "a text", type(None): "None",
-}  # fmt: skip
+    float: "a finite number",
+    int: "a whole number",
+    bool: "True or False",
+    str: "a text",
+    type(None): "None",
+}
 
 
 _COUNTS = {2: "two", 3: "three"}

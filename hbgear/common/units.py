@@ -17,9 +17,19 @@ from typing import Any, overload
 from hbgear.common.ranges import ANY, Range, checked
 from hbgear.common.text.messages import quoted
 
-EXAMPLES = {"m": "'3 mm'", "rad": "'20 deg'", "N m": "'200 N m'", "N/m": "'2e8 N/m'", "kg": "'0.7 kg'",
-            "kg m^2": "'0.0005 kg m^2'", "N": "'50 N'", "Pa": "'206 GPa'", "kg/m^3": "'7850 kg/m^3'",
-            "N m/rad": "'1e6 N m/rad'", "": "0.04"}  # fmt: skip
+EXAMPLES = {
+    "m": "'3 mm'",
+    "rad": "'20 deg'",
+    "N m": "'200 N m'",
+    "N/m": "'2e8 N/m'",
+    "kg": "'0.7 kg'",
+    "kg m^2": "'0.0005 kg m^2'",
+    "N": "'50 N'",
+    "Pa": "'206 GPa'",
+    "kg/m^3": "'7850 kg/m^3'",
+    "N m/rad": "'1e6 N m/rad'",
+    "": "0.04",
+}
 """Example of a quantity of each SI unit, for messages."""
 
 

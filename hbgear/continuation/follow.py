@@ -139,8 +139,10 @@ def follow(
             f"{special.label} (stated error {special.error:.1e}) cannot be followed, because it does not solve the "
             f"equations of this kind of point: {error}. If the curve has a corner there, no equations are known; else "
             "trace it with more harmonics",
-            error.X, error.parameters, error.residuals,
-        ) from error  # fmt: skip
+            error.X,
+            error.parameters,
+            error.residuals,
+        ) from error
     if isinstance(equations, BranchPointProblem):
         equations.require_solutions(curve)
     return curve

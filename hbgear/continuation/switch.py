@@ -82,5 +82,7 @@ def switch(
     if departure is not None:
         problem, start = departure
         return trace(problem, branch.parameter, span, start, **options)
-    raise ValueError(f"{label} is {article(point.kind)}; no other branch leaves there: choose a PD or BP, or an RI or "
-                     "RII of a curve in two parameters")  # fmt: skip
+    raise ValueError(
+        f"{label} is {article(point.kind)}; no other branch leaves there: choose a PD or BP, or an RI or "
+        "RII of a curve in two parameters"
+    )

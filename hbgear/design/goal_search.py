@@ -224,9 +224,15 @@ class Search:
     """Search with steps to the nearest point of the linearized goal."""
 
     def __init__(
-        self, problem: HarmonicBalance, goal: Goal, names: tuple[str, ...], nominal: Array, span: tuple[float, float],
-        spread: Spread, progress: ProgressCallback | None,
-    ) -> None:  # fmt: skip
+        self,
+        problem: HarmonicBalance,
+        goal: Goal,
+        names: tuple[str, ...],
+        nominal: Array,
+        span: tuple[float, float],
+        spread: Spread,
+        progress: ProgressCallback | None,
+    ) -> None:
         self.problem, self.goal, self.names, self.nominal, self.span = problem, goal, names, nominal, span
         self.spread, self.progress = spread, progress
         self.start = problem.model.parameters | problem.model.entries
@@ -248,9 +254,14 @@ class Search:
         """Return the problem of the model at relative changes, with added deviations."""
         base = self.problem
         return HarmonicBalance(
-            base.model.replace(**self.values(u, deviations)), base.H, base.N, nu=base.nu, sampled=base.is_sampled,
-            reduce=base.reduce, orders=base.selection,
-        )  # fmt: skip
+            base.model.replace(**self.values(u, deviations)),
+            base.H,
+            base.N,
+            nu=base.nu,
+            sampled=base.is_sampled,
+            reduce=base.reduce,
+            orders=base.selection,
+        )
 
     def run(self, u: Array, low: Array, high: Array) -> Array:
         """Return relative changes that reach the goal, or the nearest ones within the bounds."""
@@ -418,9 +429,13 @@ class Search:
         return points
 
     def _relocated_at(
-        self, mover: RelocatedPoint | RelocatedMotion, point: Point, names: Sequence[str], changes: Mapping[str, float],
+        self,
+        mover: RelocatedPoint | RelocatedMotion,
+        point: Point,
+        names: Sequence[str],
+        changes: Mapping[str, float],
         deviations: Mapping[str, float],
-    ) -> _Relocated:  # fmt: skip
+    ) -> _Relocated:
         """Return the point, its frequency and its size at changed parameters, with their derivatives."""
         U, resolved = mover.solved(np.array([changes.get(name, 0.0) + deviations.get(name, 0.0) for name in names]))
         slopes, layout, goal = mover.slopes(U, resolved), point.layout, self.goal
@@ -429,9 +444,12 @@ class Search:
         size = float(layout.measure(goal.measure, X[0], goal.element))
         rates = measured_along(layout, goal.measure, goal.element, X, along)[0] if names else np.zeros(0)
         return _Relocated(
-            dict(deviations), float(U[-1]), dict(zip(names, slopes.p.tolist(), strict=True)), size,
+            dict(deviations),
+            float(U[-1]),
+            dict(zip(names, slopes.p.tolist(), strict=True)),
+            size,
             dict(zip(names, rates.tolist(), strict=True)),
-        )  # fmt: skip
+        )
 
     def _assembled_slack(self, rows: Sequence[Sequence[_Constraint]]) -> Slack:
         """Return the slack with derivatives by the relative changes and the reserve for the scatter."""
@@ -480,8 +498,12 @@ def smallest_change(slack: Slack, u: Array, low: Array, high: Array) -> Array:
     slopes = slack.slopes.reshape(-1, n)
     required = (slack.required[:, None] - slack.c).ravel() + slopes @ u
     unit = np.append(np.zeros(n), 1.0)
-    relaxed = linprog(unit, np.column_stack([-slopes, -np.ones(len(slopes))]), -required,
-                      bounds=[*zip(low, high, strict=True), (0.0, None)])  # fmt: skip
+    relaxed = linprog(
+        unit,
+        np.column_stack([-slopes, -np.ones(len(slopes))]),
+        -required,
+        bounds=[*zip(low, high, strict=True), (0.0, None)],
+    )
     G = np.concatenate([slopes, np.eye(n), -np.eye(n)])
     h = np.concatenate([required - relaxed.x[n], low, -high])
     size = np.linalg.norm(G, axis=1)

@@ -239,9 +239,12 @@ def _bounds(
 
 
 def _spread(
-    problem: HarmonicBalance, scatter: Mapping[str, float], sigmas: float, tolerances: Grid | Sample | None,
+    problem: HarmonicBalance,
+    scatter: Mapping[str, float],
+    sigmas: float,
+    tolerances: Grid | Sample | None,
     share: float,
-) -> Spread:  # fmt: skip
+) -> Spread:
     """Return the checked scatter of the parameters, to first order or as a sample."""
     checked("redesign", "sigmas", sigmas, NOT_NEGATIVE)
     checked("redesign", "share", share, SHARE_RANGE)
@@ -279,9 +282,18 @@ def _result(search: Search, u: Array, ending: Termination, known_curve: Branch |
             text = f"jumps remain, and no value of {', '.join(search.names)} was found at which one vanishes"
         ending.record_end(ending.status, text)
     return Redesign(
-        curve.problem.model, search.values(u), dict(zip(search.names, u.tolist(), strict=True)),
-        float(np.linalg.norm(u)), reached, short, share, curve, search.steps, ending.status, ending.message_with_advice,
-    )  # fmt: skip
+        curve.problem.model,
+        search.values(u),
+        dict(zip(search.names, u.tolist(), strict=True)),
+        float(np.linalg.norm(u)),
+        reached,
+        short,
+        share,
+        curve,
+        search.steps,
+        ending.status,
+        ending.message_with_advice,
+    )
 
 
 def _shortfall_text(search: Search, short: float) -> str:

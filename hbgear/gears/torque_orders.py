@@ -56,8 +56,10 @@ def _rows(owner: str, terms: Any) -> Iterable[tuple[Any, Any, Any]]:
     """Yield order, amplitude and phase of each harmonic."""
     message = f"{owner}: torque_orders = {quoted(terms)} must be amplitudes by order of the shaft, such as {_EXAMPLE}"
     if isinstance(terms, Mapping):
-        terms = [(order, *(row if isinstance(row, Sequence) and not isinstance(row, str) else (row,)))
-                 for order, row in terms.items()]  # fmt: skip
+        terms = [
+            (order, *(row if isinstance(row, Sequence) and not isinstance(row, str) else (row,)))
+            for order, row in terms.items()
+        ]
     if isinstance(terms, str) or not isinstance(terms, Sequence):
         raise ValueError(message)
     for row in terms:
@@ -129,7 +131,8 @@ def parse_torque_orders(option: str, text: str) -> dict[str, tuple[str, str]]:
         order, colon, rest = entry.partition(":")
         amplitude, _, phase = rest.strip().rpartition(" ") if rest.rstrip().endswith(("deg", "rad")) else (rest, "", "")
         if not colon or not amplitude.strip() or order.strip() in orders:
-            raise ValueError(f'{option} {text}: need each order with its amplitude, such as {option} "2: 60Nm, 4: 20Nm '
-                             '30deg"')  # fmt: skip
+            raise ValueError(
+                f'{option} {text}: need each order with its amplitude, such as {option} "2: 60Nm, 4: 20Nm 30deg"'
+            )
         orders[order.strip()] = (amplitude.strip(), phase or "0 deg")
     return orders

@@ -116,10 +116,16 @@ class HarmonicBalance(PeriodicMotions):
 
     @checked_arguments()
     def __init__(
-        self, model: Model, harmonics: int | str = 16, samples: int | None = None, nu: int = 1,
-        sampled: bool = False, tolerance: float = 1e-6, reduce: bool = True,
+        self,
+        model: Model,
+        harmonics: int | str = 16,
+        samples: int | None = None,
+        nu: int = 1,
+        sampled: bool = False,
+        tolerance: float = 1e-6,
+        reduce: bool = True,
         orders: str | Sequence[int] | HarmonicSelection | None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         counted("nu", nu, MAX_COUNT)
         if harmonics != "auto":
             counted("harmonics", harmonics, MAX_COUNT)

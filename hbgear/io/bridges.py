@@ -71,8 +71,11 @@ def from_ross(rotor: Any) -> Matrices:
 
     def change_with_speed(matrix: Any, first: Array) -> Any:
         """Return the change of a matrix with speed, relative to its first value; None if it is constant."""
-        if all(np.abs(np.asarray(matrix(w)) - first).max() <= _SPEED_TOLERANCE * np.abs(first).max()
-               for table in tables for w in table):  # fmt: skip
+        if all(
+            np.abs(np.asarray(matrix(w)) - first).max() <= _SPEED_TOLERANCE * np.abs(first).max()
+            for table in tables
+            for w in table
+        ):
             return None
 
         def matrix_change(speed: float) -> Array:

@@ -35,9 +35,12 @@ def save_map(jump_map: JumpMap, path: str | os.PathLike[str]) -> None:
 
 
 def read_map(
-    path: str | os.PathLike[str], problem: HarmonicBalance, parameter: str, span: tuple[float, float],
+    path: str | os.PathLike[str],
+    problem: HarmonicBalance,
+    parameter: str,
+    span: tuple[float, float],
     frequencies: tuple[float, float],
-) -> JumpMap:  # fmt: skip
+) -> JumpMap:
     """Read the part of a jump map that `save_map` wrote, for ``known`` of `jump_map`, with the status ``interrupted``.
 
     Problem, parameter, its span and the frequencies are those of the map to continue. The result has no arms.
@@ -49,8 +52,10 @@ def read_map(
     for name, meaning in differences.items():
         if not _is_same_entry(_plain(first.meta.get(name)), _plain(expected[name])):
             entry = quoted(first.meta.get("map"))
-            raise ValueError(f"'{path}' is the part of a jump map of {meaning} ({entry}): give another output file, or "
-                             "remove this one")  # fmt: skip
+            raise ValueError(
+                f"'{path}' is the part of a jump map of {meaning} ({entry}): give another output file, or "
+                "remove this one"
+            )
     curves = (dataclasses.replace(first, others=()), *first.others)
     responses = _by_value(
         [dataclasses.replace(curve, problem=problem) for curve in curves if curve.parameter == "Omega"], parameter

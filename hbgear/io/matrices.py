@@ -163,9 +163,10 @@ class Matrices:
     source="a .mat or .npz file, or files or matrices by name, such as {'M': 'mass.mtx', 'K': 'stiff.mtx'}"
 )
 def from_matrices(
-    source: str | os.PathLike[str] | Mapping[str, Any], names: Mapping[str, str] | None = None,
+    source: str | os.PathLike[str] | Mapping[str, Any],
+    names: Mapping[str, str] | None = None,
     dof_names: Sequence[str] = (),
-) -> Matrices:  # fmt: skip
+) -> Matrices:
     """Return a linear structure from matrices of another program.
 
     Parameters
@@ -282,8 +283,10 @@ def _variables(path: str | os.PathLike[str]) -> dict[str, Any]:
         return {name: value for name, value in variables.items() if not name.startswith("__")}
     if not Path(path).is_file():
         raise ValueError(f"there is no file '{path}'")
-    raise ValueError(f"'{path}' must be a .mat or .npz file; files of single matrices (.mtx, .npy, .csv) are given by "
-                     "name, such as M = 'mass.mtx', K = 'stiffness.mtx'")  # fmt: skip
+    raise ValueError(
+        f"'{path}' must be a .mat or .npz file; files of single matrices (.mtx, .npy, .csv) are given by "
+        "name, such as M = 'mass.mtx', K = 'stiffness.mtx'"
+    )
 
 
 def _read(path: Any, reader: Any) -> Any:

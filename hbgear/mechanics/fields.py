@@ -105,9 +105,10 @@ def _tuple_fields_of(cls: type) -> tuple[str, ...]:
     """Return the names of the fields that are tuples of real numbers."""
     kinds = kinds_of(cls)
     return tuple(
-        name for name, kind in kinds.items()
+        name
+        for name, kind in kinds.items()
         if typing.get_origin(kind) is tuple and set(typing.get_args(kind)) <= {float, ...}
-    )  # fmt: skip
+    )
 
 
 def with_entries(instance: object, changes: Mapping[str, Any]) -> dict[str, Any]:

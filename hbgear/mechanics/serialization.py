@@ -61,8 +61,12 @@ def to_plain(value: Any) -> Any:
     if scipy.sparse.issparse(value):  # last, because its import takes long
         entries = scipy.sparse.coo_array(value)
         _check_size(entries.nnz)
-        return {"sparse": int(entries.shape[0]), "row": entries.row.tolist(), "column": entries.col.tolist(),
-                "values": entries.data.tolist()}  # fmt: skip
+        return {
+            "sparse": int(entries.shape[0]),
+            "row": entries.row.tolist(),
+            "column": entries.col.tolist(),
+            "values": entries.data.tolist(),
+        }
     return json.loads(json.dumps(value.item() if isinstance(value, np.generic) else value))
 
 

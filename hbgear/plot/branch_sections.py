@@ -14,8 +14,11 @@ from hbgear.plot.style import State, regime_of
 def states(branch: Branch, element: int | str) -> list[State]:
     """Return the regime of the element and the stability at each point."""
     stable_by_word: dict[str, bool | str] = {
-        "stable": True, "neutral": True, "unstable": False, "undecided": "undecided",
-    }  # fmt: skip
+        "stable": True,
+        "neutral": True,
+        "unstable": False,
+        "undecided": "undecided",
+    }
     stable = [stable_by_word.get(state) for state in branch.stability]
     layout = layout_of(branch)
     return [(regime_of(layout, codes, element), s) for codes, s in zip(branch.regime, stable, strict=True)]

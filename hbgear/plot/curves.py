@@ -124,11 +124,20 @@ def response(
     if color is not None and not is_color_like(color):
         raise ValueError(f"there is no colour {quoted(color)}; give one that Matplotlib knows, such as 'tab:blue'")
     if branch.others and special and jumps and color is None and label is None:
-        return responses(branch.curves, measure, element, ax, legend=legend, speeds=speeds, dof=dof,
-                         dimensionless=dimensionless)  # fmt: skip
+        return responses(
+            branch.curves, measure, element, ax, legend=legend, speeds=speeds, dof=dof, dimensionless=dimensionless
+        )
     if kind_of(branch) != "periodic":
-        return with_other_kinds(responses, [branch], measure, element, ax, names=[label] if label else None,
-                                legend=legend, dimensionless=dimensionless)  # fmt: skip
+        return with_other_kinds(
+            responses,
+            [branch],
+            measure,
+            element,
+            ax,
+            names=[label] if label else None,
+            legend=legend,
+            dimensionless=dimensionless,
+        )
     height = Ordinate(measure or usual_measure(branch, dimensionless, element), element, dof, dimensionless)
     branch = height.prepared(branch)
     abscissa = Abscissa([branch], dimensionless)
@@ -150,9 +159,13 @@ def response(
         frame = None
         if is_new:
             frame = enlarge(
-                ax, branch, abscissa, amplitude, element,
+                ax,
+                branch,
+                abscissa,
+                amplitude,
+                element,
                 lambda inset, factor: _curve(inset, branch, x, amplitude, element, color, None, enlarged=factor),
-            )  # fmt: skip
+            )
         if legend:
             add_legend(ax)
         if legend and is_new:
@@ -226,11 +239,22 @@ def responses(
     if names is not None and len(names) != len(branches):
         raise ValueError(f"{len(names)} names for {len(branches)} branches; give one for each")
     if any(kind_of(branch) != "periodic" for branch in branches):
-        return with_other_kinds(responses, branches, measure, element, ax, names=names, legend=legend,
-                                speeds=speeds, dof=dof, dimensionless=dimensionless)  # fmt: skip
+        return with_other_kinds(
+            responses,
+            branches,
+            measure,
+            element,
+            ax,
+            names=names,
+            legend=legend,
+            speeds=speeds,
+            dof=dof,
+            dimensionless=dimensionless,
+        )
     if len(branches) == 1:
-        return response(branches[0], measure, element, ax, legend=legend, speeds=speeds, dof=dof,
-                        dimensionless=dimensionless)  # fmt: skip
+        return response(
+            branches[0], measure, element, ax, legend=legend, speeds=speeds, dof=dof, dimensionless=dimensionless
+        )
     is_new, is_empty, abscissa = ax is None, ax is None or not ax.has_data(), Abscissa(branches, dimensionless)
     dimensionless = dimensionless or not same_unit_of_amplitude(branches)
     height = Ordinate(measure or usual_measure(branches[0], dimensionless, element), element, dof, dimensionless)
@@ -240,8 +264,16 @@ def responses(
         colours, shown = branch_colours(len(branches)), _evenly(len(branches), len(BRANCHES))
         for i, branch in enumerate(branches):
             name = f"({i + 1}) {names[i]}" if names else f"branch {i + 1}"
-            _curve(ax, branch, abscissa.along(branch), height.along(branch), element, colours[i],
-                   name if i in shown else "_curve", WIDTHS)  # fmt: skip
+            _curve(
+                ax,
+                branch,
+                abscissa.along(branch),
+                height.along(branch),
+                element,
+                colours[i],
+                name if i in shown else "_curve",
+                WIDTHS,
+            )
         for branch, branch_landings in zip(branches, landings(branches), strict=True):
             for landing in branch_landings:
                 _arrow(ax, branch, landing.jump, abscissa, height)
@@ -309,9 +341,14 @@ def _curve(
         if widths:
             width = widths[regime] * width / LINES[True][1]
         ax.plot(
-            *smooth.between(first, last, enlarged), linestyle=style, linewidth=width, color=color or COLOURS[regime],
-            marker="." if first == last else None, label=label or name, gid=f"branch {regime} {stable}",
-        )  # fmt: skip
+            *smooth.between(first, last, enlarged),
+            linestyle=style,
+            linewidth=width,
+            color=color or COLOURS[regime],
+            marker="." if first == last else None,
+            label=label or name,
+            gid=f"branch {regime} {stable}",
+        )
 
 
 def _mark_infinity(
@@ -407,10 +444,17 @@ def _marks(
     for point in map(named, branch.special):
         x, y = point.parameters[branch.parameter], height.at(point, branch)
         (line,) = ax.plot(
-            abscissa.at(branch, x), y, point.marker, markersize=4.5, markeredgecolor="black",
-            markerfacecolor="black" if point.certificate else "white", zorder=4, gid=point.label,
-            markeredgewidth=1.6 if point.certificate else 0.9, label=legend_entry(point),
-        )  # fmt: skip
+            abscissa.at(branch, x),
+            y,
+            point.marker,
+            markersize=4.5,
+            markeredgecolor="black",
+            markerfacecolor="black" if point.certificate else "white",
+            zorder=4,
+            gid=point.label,
+            markeredgewidth=1.6 if point.certificate else 0.9,
+            label=legend_entry(point),
+        )
         around = branch.values[max(point.index - 1, 0) : point.index + 2]
         side = (1 if point.kind != "LP" or x >= around.mean() else -1, 0)
         text = f"{point.label} ({labels.curves})" if numbered else point.label

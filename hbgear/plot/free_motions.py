@@ -26,9 +26,16 @@ if TYPE_CHECKING:
 
 @checked_arguments()
 def backbone(
-    curve: Branch, measure: str = "pp2", element: int | str = 0, ax: Axes | None = None, *, label: str = "backbone",
-    stability: BackboneStability | None = None, dimensionless: bool = False, **style: Any,
-) -> Axes:  # fmt: skip
+    curve: Branch,
+    measure: str = "pp2",
+    element: int | str = 0,
+    ax: Axes | None = None,
+    *,
+    label: str = "backbone",
+    stability: BackboneStability | None = None,
+    dimensionless: bool = False,
+    **style: Any,
+) -> Axes:
     """Draw a backbone: an amplitude over the modal frequency, also on the axes of a response curve.
 
     With its stability, unstable motions are dashed, and circles mark the changes of stability.
@@ -126,10 +133,17 @@ def _add_line(
 
 
 def with_other_kinds(
-    responses: Callable[..., Axes], branches: Sequence[Branch], measure: str | None, element: int | str,
-    ax: Axes | None, *, names: Sequence[str] | None = None, legend: bool = True, dimensionless: bool = False,
+    responses: Callable[..., Axes],
+    branches: Sequence[Branch],
+    measure: str | None,
+    element: int | str,
+    ax: Axes | None,
+    *,
+    names: Sequence[str] | None = None,
+    legend: bool = True,
+    dimensionless: bool = False,
     **options: Any,
-) -> Axes:  # fmt: skip
+) -> Axes:
     """Draw response curves, and tori and backbones on their axes; see `responses`.
 
     Parameters
@@ -164,14 +178,21 @@ def with_other_kinds(
     periodic = [i for i, branch in enumerate(branches) if kind_of(branch) == "periodic"]
     if periodic:
         ax = responses(
-            [branches[i] for i in periodic], measure or "pp2", element, ax, legend=legend, dimensionless=dimensionless,
-            names=[names[i] for i in periodic] if names and len(periodic) > 1 else None, **options,
-        )  # fmt: skip
+            [branches[i] for i in periodic],
+            measure or "pp2",
+            element,
+            ax,
+            legend=legend,
+            dimensionless=dimensionless,
+            names=[names[i] for i in periodic] if names and len(periodic) > 1 else None,
+            **options,
+        )
     for i, branch in enumerate(branches):
         if i not in periodic:
             draw = torus if kind_of(branch) == "tori" else backbone
-            ax = draw(branch, measure or "pp2", element, ax, label=labels[i] if legend else "",
-                      dimensionless=dimensionless)  # fmt: skip
+            ax = draw(
+                branch, measure or "pp2", element, ax, label=labels[i] if legend else "", dimensionless=dimensionless
+            )
     assert ax is not None
     return ax
 
@@ -190,9 +211,15 @@ def _torus_layout(tori: Branch) -> TorusLayout:
 
 @checked_arguments()
 def torus(
-    tori: Branch, measure: str = "pp2", element: int | str = 0, ax: Axes | None = None, *,
-    label: str = "quasi-periodic", dimensionless: bool = False, **style: Any,
-) -> Axes:  # fmt: skip
+    tori: Branch,
+    measure: str = "pp2",
+    element: int | str = 0,
+    ax: Axes | None = None,
+    *,
+    label: str = "quasi-periodic",
+    dimensionless: bool = False,
+    **style: Any,
+) -> Axes:
     """Draw an amplitude of tori over the parameter, also on the axes of a response curve.
 
     Stable sections are solid, unstable ones dashed and undecided ones dotted.
@@ -243,11 +270,19 @@ def torus(
         for i, ((_, stable), first, last) in enumerate(sections(tori, element)):
             kind, width = LINES[stable]
             line: dict[str, Any] = {
-                "color": BRANCHES[0], "linewidth": width, "linestyle": kind,
+                "color": BRANCHES[0],
+                "linewidth": width,
+                "linestyle": kind,
                 "marker": "." if first == last else None,
-            }  # fmt: skip
-            ax.plot(x[first : last + 1], y[first : last + 1], **(line | style),
-                    label=label if label and not i else "_", zorder=4, gid="tori")  # fmt: skip
+            }
+            ax.plot(
+                x[first : last + 1],
+                y[first : last + 1],
+                **(line | style),
+                label=label if label and not i else "_",
+                zorder=4,
+                gid="tori",
+            )
         if is_new:
             name = _element_name(layout, element)
             physical = height.header(tori) != measure
@@ -265,9 +300,14 @@ def _element_name(layout: TorusLayout, element: int | str) -> str:
 
 @checked_arguments()
 def torus_section(
-    tori: Branch, point: int = -1, element: int | str = 0, ax: Axes | None = None, *, phases: int = 400,
+    tori: Branch,
+    point: int = -1,
+    element: int | str = 0,
+    ax: Axes | None = None,
+    *,
+    phases: int = 400,
     dimensionless: bool = False,
-) -> Axes:  # fmt: skip
+) -> Axes:
     """Draw the section of a torus at tau = 0: rate over displacement, a closed curve that the motion fills.
 
     Parameters

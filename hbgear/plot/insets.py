@@ -63,8 +63,15 @@ def enlarge(
     draw(zoomed, enlarged)
     for point in map(named, branch.special):
         position = (abscissa.at(branch, point.parameters[branch.parameter]), float(amplitude[point.index]))
-        zoomed.plot(*position, point.marker, markersize=4.0, markerfacecolor="black" if point.certificate else "white",
-                    markeredgecolor="black", markeredgewidth=0.9, zorder=4)  # fmt: skip
+        zoomed.plot(
+            *position,
+            point.marker,
+            markersize=4.0,
+            markerfacecolor="black" if point.certificate else "white",
+            markeredgecolor="black",
+            markeredgewidth=0.9,
+            zorder=4,
+        )
     zoomed.set(xlim=ends[0], ylim=ends[1])
     zoomed.locator_params(nbins=4)
     zoomed.tick_params(

@@ -53,8 +53,17 @@ _ALIGN: Any = {1: ("left", "bottom"), 0: ("center", "center"), -1: ("right", "to
 """Horizontal and vertical alignment of a text for each sign of its offset."""
 
 
-_COST = {"label": 1000.0, "border": 1000.0, "legend": 300.0, "mark": 60.0, "ambiguous": 30.0,
-         "crossing": 30.0, "curve": 4.0, "reach": 0.5, "side": 0.4}  # fmt: skip
+_COST = {
+    "label": 1000.0,
+    "border": 1000.0,
+    "legend": 300.0,
+    "mark": 60.0,
+    "ambiguous": 30.0,
+    "crossing": 30.0,
+    "curve": 4.0,
+    "reach": 0.5,
+    "side": 0.4,
+}
 """Costs of a label position, dimensionless; their ratios define which overlaps are avoided first.
 
 Each overlap with a label, border, legend, mark or point of a curve has a cost; so have a curve behind the label
@@ -99,9 +108,17 @@ class Labels(Artist):
         name = f"{label} ({curve})" if label in other_labels else label
         horizontal, vertical = _ALIGN[side[0]][0], _ALIGN[side[1]][1]
         text = self.axes.annotate(
-            name if has_label else "", _data_position(line), (5 * side[0], 5 * side[1]), textcoords="offset points",
-            fontsize=8, ha=horizontal, va=vertical, zorder=7, gid=f"label {label}", bbox=_BACKGROUND,
-        )  # fmt: skip
+            name if has_label else "",
+            _data_position(line),
+            (5 * side[0], 5 * side[1]),
+            textcoords="offset points",
+            fontsize=8,
+            ha=horizontal,
+            va=vertical,
+            zorder=7,
+            gid=f"label {label}",
+            bbox=_BACKGROUND,
+        )
         text.set_in_layout(False)
         self.marks.append(Mark(line, text, curve, kind, name, has_label, side))
 

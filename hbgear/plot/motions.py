@@ -40,9 +40,13 @@ FLOOR = 1e-6
 
 @checked_arguments()
 def time_history(
-    point: Point, element: int | str = 0, ax: Axes | None = None, *, model: Model | None = None,
+    point: Point,
+    element: int | str = 0,
+    ax: Axes | None = None,
+    *,
+    model: Model | None = None,
     dimensionless: bool = False,
-) -> Axes:  # fmt: skip
+) -> Axes:
     """Draw the motion of an element over its period, with thin lines at the breakpoints of its law.
 
     Parameters
@@ -88,9 +92,13 @@ def _draw_history(ax: Axes, point: Point, element: int | str, units: _Units) -> 
 
 @checked_arguments()
 def phase_diagram(
-    point: Point, element: int | str = 0, ax: Axes | None = None, *, model: Model | None = None,
+    point: Point,
+    element: int | str = 0,
+    ax: Axes | None = None,
+    *,
+    model: Model | None = None,
     dimensionless: bool = False,
-) -> Axes:  # fmt: skip
+) -> Axes:
     """Draw velocity against displacement, d' = (Omega / nu) dd/dtheta, with a dot once per excitation period.
 
     Parameters

@@ -38,15 +38,23 @@ State = tuple[str, bool | str | None]
 
 
 COLOURS = {
-    "no_impact": "#1f4e8c", "single_sided": "#d9730d", "double_sided": "#9c1f5c",
-    "stick": "#2b7a78", "partial_slip": "#8a6d1f", "gross_slip": "#b3361b", "unknown": "#333333",
-}  # fmt: skip
+    "no_impact": "#1f4e8c",
+    "single_sided": "#d9730d",
+    "double_sided": "#9c1f5c",
+    "stick": "#2b7a78",
+    "partial_slip": "#8a6d1f",
+    "gross_slip": "#b3361b",
+    "unknown": "#333333",
+}
 """Colours of the regimes of contact and friction."""
 
 
 LINES: dict[bool | str | None, tuple[Any, float]] = {
-    True: ("-", 1.4), False: ("--", 1.2), "undecided": (":", 1.6), None: ("-", 0.7)
-}  # fmt: skip
+    True: ("-", 1.4),
+    False: ("--", 1.2),
+    "undecided": (":", 1.6),
+    None: ("-", 0.7),
+}
 """Line style and width [pt] of stable, unstable and undecided motions, and of those of unknown stability (None)."""
 
 
@@ -99,9 +107,14 @@ def branch_colours(count: int) -> list[str]:
 
 
 WIDTHS = {
-    "no_impact": 1.1, "single_sided": 2.0, "double_sided": 3.0,
-    "stick": 1.1, "partial_slip": 2.0, "gross_slip": 3.0, "unknown": 1.3,
-}  # fmt: skip
+    "no_impact": 1.1,
+    "single_sided": 2.0,
+    "double_sided": 3.0,
+    "stick": 1.1,
+    "partial_slip": 2.0,
+    "gross_slip": 3.0,
+    "unknown": 1.3,
+}
 """Line widths [pt] of the regimes where the colour is the branch."""
 
 
@@ -122,11 +135,25 @@ _METADATA: dict[str, Any] = {
 
 
 STYLE: Any = {
-    "font.family": FONT, "font.size": 9, "mathtext.fontset": "stix", "axes.linewidth": 0.6, "axes.labelsize": 10,
-    "axes.titlesize": 9, "legend.fontsize": 8, "legend.frameon": False, "lines.linewidth": 1.2, "axes.grid": False,
-    "xtick.labelsize": 9, "ytick.labelsize": 9, "axes.formatter.limits": (-4, 6), "axes.formatter.use_mathtext": True,
-    "figure.facecolor": "white", "axes.facecolor": "white", "axes.edgecolor": "black", "text.color": "black",
-}  # fmt: skip
+    "font.family": FONT,
+    "font.size": 9,
+    "mathtext.fontset": "stix",
+    "axes.linewidth": 0.6,
+    "axes.labelsize": 10,
+    "axes.titlesize": 9,
+    "legend.fontsize": 8,
+    "legend.frameon": False,
+    "lines.linewidth": 1.2,
+    "axes.grid": False,
+    "xtick.labelsize": 9,
+    "ytick.labelsize": 9,
+    "axes.formatter.limits": (-4, 6),
+    "axes.formatter.use_mathtext": True,
+    "figure.facecolor": "white",
+    "axes.facecolor": "white",
+    "axes.edgecolor": "black",
+    "text.color": "black",
+}
 """Settings of matplotlib while a figure is drawn in the style "journal"."""
 
 
@@ -324,10 +351,20 @@ def dress(ax: Axes) -> None:
         if type(axis.get_major_formatter()) is ScalarFormatter:  # of linear axes, by default
             axis.set_major_formatter(TickLabels())
     for title in (ax.xaxis.label, ax.yaxis.label):
-        title.set(text=in_figure(title.get_text()), fontfamily=settings["font.family"],
-                  math_fontfamily=settings["mathtext.fontset"])  # fmt: skip
-    ax.tick_params(which="both", direction="in", top=True, right=True, width=0.6, labelsize=settings["xtick.labelsize"],
-                   labelfontfamily=current_font())  # fmt: skip
+        title.set(
+            text=in_figure(title.get_text()),
+            fontfamily=settings["font.family"],
+            math_fontfamily=settings["mathtext.fontset"],
+        )
+    ax.tick_params(
+        which="both",
+        direction="in",
+        top=True,
+        right=True,
+        width=0.6,
+        labelsize=settings["xtick.labelsize"],
+        labelfontfamily=current_font(),
+    )
     ax.tick_params(which="major", length=3.5)
     ax.tick_params(which="minor", length=2)
 

@@ -101,8 +101,14 @@ def runs(
         for run in both_runs:
             lines = [(abscissa.scale * section.values, _heights(section, height)) for section in run.sections]
             for x, y in lines:
-                ax.plot(x, y, color=RUNS[run.direction], linewidth=_RUN_WIDTHS[run.direction],
-                        label=f"run-{run.direction}", gid=f"run {run.direction}")  # fmt: skip
+                ax.plot(
+                    x,
+                    y,
+                    color=RUNS[run.direction],
+                    linewidth=_RUN_WIDTHS[run.direction],
+                    label=f"run-{run.direction}",
+                    gid=f"run {run.direction}",
+                )
             _connect(ax, run, lines)
             for jump in run.jumps:
                 ends = [None if end is None else height.at(end, branch) for end in (jump.before, jump.after)]
@@ -116,10 +122,17 @@ def runs(
 
 @checked_arguments()
 def orders(
-    found: RunUp, orders: Sequence[int] = (1, 2, 3), element: int | str = 0, ax: Axes | None = None,
-    *, derivative: int = 0, quantity: str | None = None, dof: int | str | None = None, legend: bool = True,
+    found: RunUp,
+    orders: Sequence[int] = (1, 2, 3),
+    element: int | str = 0,
+    ax: Axes | None = None,
+    *,
+    derivative: int = 0,
+    quantity: str | None = None,
+    dof: int | str | None = None,
+    legend: bool = True,
     dimensionless: bool = False,
-) -> Axes:  # fmt: skip
+) -> Axes:
     """Draw order cuts: amplitudes of harmonics of the excitation along a run, on a logarithmic axis or in dB.
 
     The axis ends 120 dB below the largest value if there are smaller ones, such as those without contact.
@@ -177,11 +190,17 @@ def orders(
                 factor = Ordinate("rms", element, dimensionless=dimensionless).factor(branch)
                 cut = partial(_harmonic, order=order, element=element, derivative=derivative, factor=factor)
             else:
-                cut = partial(order_levels, quantity=quantity, order=order, element=element, dof=dof,
-                              dimensionless=dimensionless)  # fmt: skip
+                cut = partial(
+                    order_levels, quantity=quantity, order=order, element=element, dof=dof, dimensionless=dimensionless
+                )
             for section in found.sections:
-                ax.plot(abscissa.scale * section.values, _along(section, cut), color=colour, label=f"order {order}",
-                        gid=f"order {order}")  # fmt: skip
+                ax.plot(
+                    abscissa.scale * section.values,
+                    _along(section, cut),
+                    color=colour,
+                    label=f"order {order}",
+                    gid=f"order {order}",
+                )
             for jump in found.jumps:
                 ends = [None if end is None else float(cut(end)[0]) for end in (jump.before, jump.after)]
                 _arrow(ax, abscissa.scale * jump.value, ends, colour)
@@ -209,9 +228,14 @@ def _end_at_floor(ax: Axes, log: bool) -> None:
 
 @checked_arguments()
 def waterfall(
-    found: RunUp, element: int | str = 0, ax: Axes | None = None, *, floor: float = 1e-3, derivative: int = 0,
+    found: RunUp,
+    element: int | str = 0,
+    ax: Axes | None = None,
+    *,
+    floor: float = 1e-3,
+    derivative: int = 0,
     dimensionless: bool = False,
-) -> Axes:  # fmt: skip
+) -> Axes:
     """Draw a waterfall from above: spectra along a run, with amplitude as colour.
 
     Harmonics lie on rays, the orders of the excitation. Dashed lines continue them to numbers at the edge. The axes are
@@ -272,9 +296,13 @@ def waterfall(
                 visible = middle > lowest
                 highest = max([highest, *frequency[1:][visible]])
                 segments = LineCollection(
-                    np.stack([points[:-1], points[1:]], axis=1)[visible], array=middle[visible], cmap=shades,
-                    clim=(lowest, 0.0), linewidths=3.0, gid=f"order {k}",
-                )  # fmt: skip
+                    np.stack([points[:-1], points[1:]], axis=1)[visible],
+                    array=middle[visible],
+                    cmap=shades,
+                    clim=(lowest, 0.0),
+                    linewidths=3.0,
+                    gid=f"order {k}",
+                )
                 ax.add_collection(segments)
         values = abscissa.scale * found.values
         ax.set_xlim(values.min(), values.max())
@@ -296,13 +324,31 @@ def _order_lines(ax: Axes, slope: float) -> None:
     """Draw thin lines along the first orders, with their numbers at the edges; ``slope`` is that of order 1."""
     right, top = ax.get_xlim()[1], ax.get_ylim()[1]
     for order in range(1, _NUMBERED_ORDERS + 1):
-        ax.plot([0, 2 * right], [0, 2 * right * order * slope], color=GREY, linewidth=0.5, linestyle="--", zorder=0.5,
-                scalex=False, scaley=False, gid=f"line of order {order}")  # fmt: skip
+        ax.plot(
+            [0, 2 * right],
+            [0, 2 * right * order * slope],
+            color=GREY,
+            linewidth=0.5,
+            linestyle="--",
+            zorder=0.5,
+            scalex=False,
+            scaley=False,
+            gid=f"line of order {order}",
+        )
         x, y = (right, right * order * slope) if right * order * slope < top else (top / (order * slope), top)
         if x < ax.get_xlim()[0]:
             continue
-        ax.annotate(f"{order}", (x, y), (-3, -3), textcoords="offset points", ha="right", va="top", fontsize=8,
-                    color="#444444", gid=f"number of order {order}")  # fmt: skip
+        ax.annotate(
+            f"{order}",
+            (x, y),
+            (-3, -3),
+            textcoords="offset points",
+            ha="right",
+            va="top",
+            fontsize=8,
+            color="#444444",
+            gid=f"number of order {order}",
+        )
 
 
 _NUMBERED_ORDERS = 5
@@ -353,8 +399,13 @@ def _connect(ax: Axes, run: RunUp, lines: Sequence[tuple[Array, Array]]) -> None
     jumps = [jump.value for jump in run.jumps]
     for section, before, after in zip(run.sections[1:], lines, lines[1:], strict=False):
         if section.values[0] not in jumps:
-            ax.plot([before[0][-1], after[0][0]], [before[1][-1], after[1][0]], color=RUNS[run.direction],
-                    linewidth=0.8, gid="on another curve")  # fmt: skip
+            ax.plot(
+                [before[0][-1], after[0][0]],
+                [before[1][-1], after[1][0]],
+                color=RUNS[run.direction],
+                linewidth=0.8,
+                gid="on another curve",
+            )
 
 
 def _quantity(branch: Branch, element: int | str, derivative: int, dimensionless: bool) -> str:

@@ -43,6 +43,8 @@ Lines = tuple[Array, Array, Integers, Integers, Integers]
 """Slope and offset (m,) of the linear segment of each element, the state (2, Q) of each slider, and the states of each
 damped contact and each element with rigid friction."""
 
+Visit = Callable[[float, float, Callable[[Array], Array]], None]
+
 
 class Flow:
     """Equations of motion of a system at one Omega.
@@ -217,9 +219,8 @@ class Flow:
         return [(rows, kd[..., 0], kv[..., 0]) for (rows, _), (_, kd, kv) in zip(self.vectors, forces, strict=True)]
 
     def integrate(
-        self, t: float, Y: Array, end: float, method: str, tolerance: float,
-        visit: Callable[[float, float, Callable[[Array], Array]], None] | None = None,
-    ) -> tuple[Array, list[float], int]:  # fmt: skip
+        self, t: float, Y: Array, end: float, method: str, tolerance: float, visit: Visit | None = None
+    ) -> tuple[Array, list[float], int]:
         """Integrate from a state at t to the end.
 
         Parameters
@@ -251,28 +252,28 @@ class Flow:
         ArithmeticError
             If the motion diverges, or steps become too short.
         """
-        with np.errstate(over="ignore", invalid="ignore"):
-            return self._integrate(t, Y, end, method, tolerance, visit)
-
-    def _integrate(
-        self, t: float, Y: Array, end: float, method: str, tolerance: float,
-        visit: Callable[[float, float, Callable[[Array], Array]], None] | None,
-    ) -> tuple[Array, list[float], int]:  # fmt: skip
-        """Integrate from one breakpoint of the excitation to the next."""
         Y, instants, count = np.asarray(Y, dtype=float).ravel(), [], 0
         atol, rounding = tolerance * _sizes(self, Y), 1e-14 * abs(end)
-        while end - t > rounding:
-            interval = self.excitation.interval_at(t)
-            stop = interval.end if end - interval.end > rounding else end
-            Y, new_instants, steps = self._integrate_between(interval, t, Y, stop, method, tolerance, atol, visit)
-            t, count = stop, count + steps
-            instants += new_instants
+        with np.errstate(over="ignore", invalid="ignore"):
+            while end - t > rounding:  # from one breakpoint of the excitation to the next
+                interval = self.excitation.interval_at(t)
+                stop = interval.end if end - interval.end > rounding else end
+                Y, new_instants, steps = self._integrate_between(interval, t, Y, stop, method, tolerance, atol, visit)
+                t, count = stop, count + steps
+                instants += new_instants
         return Y, instants, count
 
     def _integrate_between(
-        self, interval: Interval, t: float, Y: Array, end: float, method: str, tolerance: float, atol: Array,
-        visit: Callable[[float, float, Callable[[Array], Array]], None] | None,
-    ) -> tuple[Array, list[float], int]:  # fmt: skip
+        self,
+        interval: Interval,
+        t: float,
+        Y: Array,
+        end: float,
+        method: str,
+        tolerance: float,
+        atol: Array,
+        visit: Visit | None,
+    ) -> tuple[Array, list[float], int]:
         """Integrate an interval without breakpoints of the excitation."""
         d, v = self.gaps(t, Y, interval)
         segment, instants, count = self.segments.at(d, v), [], 0

@@ -156,8 +156,10 @@ class EditableFile(EditableModel):
 
     def toml(self, values: Mapping[str, float], span: tuple[float, float], harmonics: int) -> str:
         if self.source.endswith(".npz"):
-            raise ValueError(f"a study needs the file of the model, not its curve {self.source}: open the explorer "
-                             "with the .toml file")  # fmt: skip
+            raise ValueError(
+                f"a study needs the file of the model, not its curve {self.source}: open the explorer "
+                "with the .toml file"
+            )
         return _study_text(self.source, {}, self.changed(values) or dict([_first_of(self.start)]), span, harmonics)
 
 
@@ -178,8 +180,14 @@ class EditableMachine(EditableModel):
                 raise KeyError(f"the machine has no parameter '{name}'")
         new = model.replace(**values)
         supports: Any = new.supports or None
-        return replace(self.machine, pair=new.pair, torque=new.torque, damping=new.damping, friction=new.friction,
-                       supports=supports)  # fmt: skip
+        return replace(
+            self.machine,
+            pair=new.pair,
+            torque=new.torque,
+            damping=new.damping,
+            friction=new.friction,
+            supports=supports,
+        )
 
     def model(self, values: Mapping[str, float]) -> DrawnPair:
         return self.machine.model().replace(**values)
@@ -241,10 +249,15 @@ def _study_text(
 def _labelled_parameters(model: Model) -> list[Parameter]:
     """Return the parameters of a model with the units of their labels."""
     return [
-        _parameter(name, str(model.labels.get(name, name)), value, model.ranges.get(name, ANY),
-                   usual_size=_USUAL_SIZES.get(unit_of(str(model.labels.get(name, name)))))
+        _parameter(
+            name,
+            str(model.labels.get(name, name)),
+            value,
+            model.ranges.get(name, ANY),
+            usual_size=_USUAL_SIZES.get(unit_of(str(model.labels.get(name, name)))),
+        )
         for name, value in model.parameters.items()
-    ]  # fmt: skip
+    ]
 
 
 def _parameter(name: str, label: str, value: float, allowed: Range, usual_size: float | None = None) -> Parameter:

@@ -107,9 +107,13 @@ class Explorer:
     """
 
     def __init__(
-        self, subject: EditableModel, span: tuple[float, float], harmonics: int = 16, saved: Branch | None = None,
+        self,
+        subject: EditableModel,
+        span: tuple[float, float],
+        harmonics: int = 16,
+        saved: Branch | None = None,
         motions: Sequence[Branch] = (),
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.subject, self.span, self.harmonics, self.saved = subject, span, harmonics, saved
         self.lines = [line for branch in motions for line in lines_of_motions(branch)]
         self._jobs: dict[tuple[str, str], Job] = {}
@@ -279,8 +283,10 @@ def _ends(axes: Any) -> dict[str, tuple[float, float]]:
 
 def _lines_of_curves(branch: Branch) -> list[dict[str, Any]]:
     """Return the line of each curve of the span of a saved branch, in all measures and elements."""
-    return [{"name": "saved curve", "mode": "lines", "x": one["x"], "sizes": one["amplitudes"]}
-            for one in (view(curve, "") for curve in branch.curves)]  # fmt: skip
+    return [
+        {"name": "saved curve", "mode": "lines", "x": one["x"], "sizes": one["amplitudes"]}
+        for one in (view(curve, "") for curve in branch.curves)
+    ]
 
 
 def _map_over_Omega(

@@ -68,12 +68,19 @@ def dots(
         if direction in directions:
             single = directions == {1}
             rows = data.directions == direction
-            groups.append({
-                "name": name if single else f"{name}, {word}", "mode": "markers", "file": name, "measure": measure,
-                "element": data.element, "symbol": "circle-open" if single else symbol,
-                "x": plain(Omega[rows]), "y": plain(size[rows]),
-                "jumps": plain([x for x, jump_direction in jumps if jump_direction == direction]),
-            })  # fmt: skip
+            groups.append(
+                {
+                    "name": name if single else f"{name}, {word}",
+                    "mode": "markers",
+                    "file": name,
+                    "measure": measure,
+                    "element": data.element,
+                    "symbol": "circle-open" if single else symbol,
+                    "x": plain(Omega[rows]),
+                    "y": plain(size[rows]),
+                    "jumps": plain([x for x, jump_direction in jumps if jump_direction == direction]),
+                }
+            )
     return groups
 
 
@@ -100,23 +107,36 @@ def lines_of_motions(branch: Branch, name: str = "") -> list[dict[str, Any]]:
     for (_, stable), first, last in sections(branch, 0):
         masks.setdefault(stable, np.zeros(len(branch), dtype=bool))[first : last + 1] = True
     lines: list[dict[str, Any]] = []
-    heights = {measure: [branch.amplitude(measure, j) for j in range(len(layout.elements))]
-               for measure in ("pp2", "rms", "max", "mean")}  # fmt: skip
+    heights = {
+        measure: [branch.amplitude(measure, j) for j in range(len(layout.elements))]
+        for measure in ("pp2", "rms", "max", "mean")
+    }
     for stable, mask in masks.items():
         sizes = {
             measure: [plain(np.where(mask, y, np.nan)) for y in by_element] for measure, by_element in heights.items()
         }
         dash = "dashdot" if kind == "backbone" else _DASHES[stable]
         text = name or _NAMES[kind]
-        lines.append({"name": f"{text}, {stable or 'unstable'}" if lines else text, "mode": "lines", "x": plain(x),
-                    "sizes": sizes, "dash": dash, "kind": kind, "legend": True})  # fmt: skip
+        lines.append(
+            {
+                "name": f"{text}, {stable or 'unstable'}" if lines else text,
+                "mode": "lines",
+                "x": plain(x),
+                "sizes": sizes,
+                "dash": dash,
+                "kind": kind,
+                "legend": True,
+            }
+        )
     return lines
 
 
 def facts_of_motions(branch: Branch) -> list[list[str]]:
     """Return name and value of the facts on tori or a backbone: kind, range of frequencies, stability, message."""
-    rows = [["motions", _NAMES[kind_of(branch)]], ["points", f"{len(branch)} points, {branch.parameter} from "
-             f"{branch.values[0]:.6g} to {branch.values[-1]:.6g}"]]  # fmt: skip
+    rows = [
+        ["motions", _NAMES[kind_of(branch)]],
+        ["points", f"{len(branch)} points, {branch.parameter} from {branch.values[0]:.6g} to {branch.values[-1]:.6g}"],
+    ]
     for name, values in branch.tracked.items():
         rows.append([name.replace("_", " "), f"from {values.min():.6g} to {values.max():.6g}"])
     if branch.multipliers is not None:

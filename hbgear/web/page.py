@@ -18,18 +18,30 @@ ASSETS = Path(__file__).parent / "assets"
 
 PALETTES = {
     "light": {
-        "regimes": COLOURS, "branches": list(BRANCHES), "text": "#1b1f24", "grid": "#e3e6ea", "line": "#8a8f98",
+        "regimes": COLOURS,
+        "branches": list(BRANCHES),
+        "text": "#1b1f24",
+        "grid": "#e3e6ea",
+        "line": "#8a8f98",
         "paper": "#ffffff",
     },
     "dark": {
         "regimes": {
-            "no_impact": "#7db4ff", "single_sided": "#ffab5e", "double_sided": "#ff8ac0",
-            "stick": "#6fd0cb", "partial_slip": "#e0c060", "gross_slip": "#ff8f75", "unknown": "#d5d8dc",
+            "no_impact": "#7db4ff",
+            "single_sided": "#ffab5e",
+            "double_sided": "#ff8ac0",
+            "stick": "#6fd0cb",
+            "partial_slip": "#e0c060",
+            "gross_slip": "#ff8f75",
+            "unknown": "#d5d8dc",
         },
         "branches": ["#56b4e9", "#ff8c42", "#2fd1a0", "#ef8cc8", "#ffffff", "#f5c242", "#9ad0f5", "#c9a545"],
-        "text": "#e6e8eb", "grid": "#30353c", "line": "#8a8f98", "paper": "#15181c",
+        "text": "#e6e8eb",
+        "grid": "#30353c",
+        "line": "#8a8f98",
+        "paper": "#15181c",
     },
-}  # fmt: skip
+}
 """Colours of the light and the dark theme, in the same order; the light ones are those of `hbgear.plot`."""
 
 
@@ -49,9 +61,15 @@ def page(template: str, data: Any, connect: str = "'none'", **values: Any) -> st
     environment.undefined = jinja2.StrictUndefined
     settings = {"palettes": PALETTES, "widths": WIDTHS}
     text = environment.get_template(template).render(
-        version=__version__, data=in_script(data), settings=in_script(settings), style=asset("page.css"),
-        curves=asset("lines.js") + asset("curves.js"), explorer=asset("explorer.js"), policy=_POLICY, **values,
-    )  # fmt: skip
+        version=__version__,
+        data=in_script(data),
+        settings=in_script(settings),
+        style=asset("page.css"),
+        curves=asset("lines.js") + asset("curves.js"),
+        explorer=asset("explorer.js"),
+        policy=_POLICY,
+        **values,
+    )
     return str(text).replace(_POLICY, policy_of(str(text), connect), 1)
 
 
@@ -62,8 +80,10 @@ def policy_of(text: str, connect: str) -> str:
     """
     hashes = {sha256(script.encode()).digest() for script in re.findall(r"<script>(.*?)</script>", text, re.DOTALL)}
     scripts = " ".join(sorted(f"'sha256-{b64encode(digest).decode()}'" for digest in hashes))
-    return (f"default-src 'none'; script-src {scripts}; style-src 'unsafe-inline'; img-src data: blob:; "
-            f"connect-src {connect}; base-uri 'none'; form-action 'none'")  # fmt: skip
+    return (
+        f"default-src 'none'; script-src {scripts}; style-src 'unsafe-inline'; img-src data: blob:; "
+        f"connect-src {connect}; base-uri 'none'; form-action 'none'"
+    )
 
 
 def check_installed() -> None:

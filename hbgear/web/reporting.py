@@ -159,11 +159,15 @@ def report(
     behind += [line for branch, name in lines for line in lines_of_motions(branch, name)]
     data = {"curves": curve_views, "behind": behind}
     text = page(
-        "report.html", data, title=title, shown=curve_views, checks=[_checked(check) for check in checks],
+        "report.html",
+        data,
+        title=title,
+        shown=curve_views,
+        checks=[_checked(check) for check in checks],
         other_motions=[(name, facts_of_motions(branch)) for branch, name in lines],
         studies=[study_section(study, name) for study, name in zip(study_results, study_names, strict=True)],
         plotly=plotly_script(),
-    )  # fmt: skip
+    )
     return Report(title, text)
 
 

@@ -238,11 +238,21 @@ def _special(branch: Branch, layout: Layout, quantities: _Quantities) -> list[di
     for point, amplitudes in zip(branch.special, _sizes(layout, branch.special), strict=True):
         sizes = amplitudes | {name: entry.at(point, branch) for name, entry in quantities.items()}
         event = named(point)
-        entries.append({
-            "label": point.label, "kind": point.kind, "meaning": legend_entry(event), "marker": event.marker,
-            "index": point.index, "x": point.parameters[branch.parameter], "sizes": sizes, "stability": point.stability,
-            "certified": f"{certified_header(branch)}: {certified_text(branch, point)}" if point.certificate else "",
-        })  # fmt: skip
+        entries.append(
+            {
+                "label": point.label,
+                "kind": point.kind,
+                "meaning": legend_entry(event),
+                "marker": event.marker,
+                "index": point.index,
+                "x": point.parameters[branch.parameter],
+                "sizes": sizes,
+                "stability": point.stability,
+                "certified": f"{certified_header(branch)}: {certified_text(branch, point)}"
+                if point.certificate
+                else "",
+            }
+        )
     return entries
 
 
@@ -257,9 +267,16 @@ def _jumps(layout: Layout, landed: Sequence[Landing], branch: Branch, quantities
     for landing, size in zip(landed, before, strict=True):
         jump = landing.jump
         end = None if jump.after is None else layout_of(jump.after)
-        entries.append({
-            "label": jump.label, "x": jump.value, "direction": jump.direction, "before": size | heights(jump.before),
-            "landing": jump.landing_description,
-            "after": None if end is None or jump.after is None else _sizes(end, [jump.after])[0] | heights(jump.after),
-        })  # fmt: skip
+        entries.append(
+            {
+                "label": jump.label,
+                "x": jump.value,
+                "direction": jump.direction,
+                "before": size | heights(jump.before),
+                "landing": jump.landing_description,
+                "after": None
+                if end is None or jump.after is None
+                else _sizes(end, [jump.after])[0] | heights(jump.after),
+            }
+        )
     return entries

@@ -99,16 +99,20 @@ def compare(results: Results, kind: str, model: hb.mechanics.Model | hb.System, 
 
 def report(results: Results) -> str:
     """Return the numbers of compared points, and the points without a partner."""
-    lines = ["| machines | number | points of both | largest distance | within the estimate | without a partner |",
-             "| --- | --- | --- | --- | --- | --- |"]  # fmt: skip
+    lines = [
+        "| machines | number | points of both | largest distance | within the estimate | without a partner |",
+        "| --- | --- | --- | --- | --- | --- |",
+    ]
     for kind, count in results.machines.items():
         found = [one for one in results.pairs if one[0] == kind]
         alone = sum(one[0] == kind for one in results.alone)
         largest = f"{max((one[1] for one in found), default=0.0):.0e}"
         within = sum(distance <= error + 1e-12 for _, distance, error in found)
         lines.append(f"| {kind} | {count} | {len(found)} | {largest} | {within} | {alone} |")
-    lines += ["", *(f"- {kind}: {name} at Omega = {value:.6f} of the {which} only"
-                    for kind, which, name, value in results.alone)]  # fmt: skip
+    lines += [
+        "",
+        *(f"- {kind}: {name} at Omega = {value:.6f} of the {which} only" for kind, which, name, value in results.alone),
+    ]
     lines += [f"- {text}: {count} machines, not compared" for text, count in results.ended.items()]
     return "\n".join([*lines, ""])
 

@@ -55,13 +55,35 @@ class Case:
 SPUR = hb.SpurPair()
 DOUBLE = hb.gears.DoubleHelicalPair(zeta=0.05)
 CASES = (
-    Case("spur pair", SPUR, SPUR.replace(zeta=0.08, F_m=0.13, b=1.3, e=(0.07,)), ("zeta", "b", "F_m", "e[0]"),
-         (0.5, 1.4), "max", held=50),
-    Case("spur pair and jumps", SPUR, SPUR.replace(zeta=0.08, F_m=0.13, b=1.3, e=(0.07,)), ("zeta", "b", "F_m", "e[0]"),
-         (0.5, 1.4), "max", jumps=True),
-    Case("double-helical pair", DOUBLE, DOUBLE.replace(zeta=0.06, b_c=29e-6, k_mean=1.9e9), ("zeta", "b_c", "k_mean"),
-         (0.7, 1.1), "pp2", "pinion r/min", "um"),
-)  # fmt: skip
+    Case(
+        "spur pair",
+        SPUR,
+        SPUR.replace(zeta=0.08, F_m=0.13, b=1.3, e=(0.07,)),
+        ("zeta", "b", "F_m", "e[0]"),
+        (0.5, 1.4),
+        "max",
+        held=50,
+    ),
+    Case(
+        "spur pair and jumps",
+        SPUR,
+        SPUR.replace(zeta=0.08, F_m=0.13, b=1.3, e=(0.07,)),
+        ("zeta", "b", "F_m", "e[0]"),
+        (0.5, 1.4),
+        "max",
+        jumps=True,
+    ),
+    Case(
+        "double-helical pair",
+        DOUBLE,
+        DOUBLE.replace(zeta=0.06, b_c=29e-6, k_mean=1.9e9),
+        ("zeta", "b_c", "k_mean"),
+        (0.7, 1.1),
+        "pp2",
+        "pinion r/min",
+        "um",
+    ),
+)
 
 
 @dataclass(frozen=True)
@@ -144,12 +166,14 @@ def plot(results: Results) -> Figure:
     """Return the distribution of the differences to the truth, in standard errors, and the normal one."""
     import matplotlib.pyplot as plt
 
-    figure, panels = plt.subplots(1, len(results.off), figsize=(3.6 * len(results.off), 2.8), squeeze=False,
-                                  layout="constrained")  # fmt: skip
+    figure, panels = plt.subplots(
+        1, len(results.off), figsize=(3.6 * len(results.off), 2.8), squeeze=False, layout="constrained"
+    )
     x = np.linspace(-4, 4, 200)
     colours = (study.BLUE, study.ORANGE, study.PURPLE, study.GREEN)
-    for ax, (case, off) in zip(panels[0], ((one, results.off[one.name]) for one in CASES if one.name in results.off),
-                               strict=True):  # fmt: skip
+    for ax, (case, off) in zip(
+        panels[0], ((one, results.off[one.name]) for one in CASES if one.name in results.off), strict=True
+    ):
         for j, name in enumerate(case.free):
             share = (np.arange(len(off)) + 0.5) / len(off)
             ax.step(np.sort(off[:, j]), share, color=colours[j], linewidth=1.0, label=name)
@@ -164,8 +188,10 @@ def plot(results: Results) -> Figure:
 
 def report(results: Results) -> str:
     """Share of the draws within two standard errors, and draws per minute of the processor."""
-    lines = ["| pair | parameter | within 2 standard errors | deviation | mean | to first order | held at the truth |",
-             "|---|---|---|---|---|---|---|"]  # fmt: skip
+    lines = [
+        "| pair | parameter | within 2 standard errors | deviation | mean | to first order | held at the truth |",
+        "|---|---|---|---|---|---|---|",
+    ]
     for case in CASES:
         if case.name in results.off:
             for j, name in enumerate(case.free):

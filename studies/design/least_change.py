@@ -71,8 +71,15 @@ def plot(results: Results) -> Figure:
     least = f"least of the map: {results.distance[i, j]:.2%}"
     ax.plot(results.e[j], results.eps[i], "s", color=study.GREY, linestyle="", label=least)
     at = results.found.values
-    ax.plot(at["e_scale"], at["eps_scale"], "*", color=study.ORANGE, markersize=10, linestyle="",
-            label=f"redesign: {results.found.distance:.2%}")  # fmt: skip
+    ax.plot(
+        at["e_scale"],
+        at["eps_scale"],
+        "*",
+        color=study.ORANGE,
+        markersize=10,
+        linestyle="",
+        label=f"redesign: {results.found.distance:.2%}",
+    )
     ax.plot(1.0, 1.0, "o", color="black", linestyle="", label="the design", clip_on=False)
     ax.set_xlabel(r"factor of the error amplitudes $e_l$ [-]")
     ax.set_ylabel(r"factor of the stiffness amplitudes $\varepsilon_l$ [-]")
@@ -91,9 +98,12 @@ def report(results: Results) -> str:
     lines = ["| | zeta | eps_scale | e_scale | change | seconds of the processor |", "|---|---|---|---|---|---|"]
     for (name, zeta, eps, e, change), seconds in zip(rows, results.seconds, strict=True):
         lines.append(f"| {name} | {zeta:.5f} | {eps:.4f} | {e:.4f} | {change:.3%} | {seconds:.0f} |")
-    lines += ["", f"A trace of the new design has {len(found.curve.jumps())} jumps; the goal is "
-              f"{'reached' if found.reached else 'not reached'} after {found.steps} steps. The map has "
-              f"{distance.size} points."]  # fmt: skip
+    lines += [
+        "",
+        f"A trace of the new design has {len(found.curve.jumps())} jumps; the goal is "
+        f"{'reached' if found.reached else 'not reached'} after {found.steps} steps. The map has "
+        f"{distance.size} points.",
+    ]
     return "\n".join(lines)
 
 

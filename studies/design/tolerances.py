@@ -58,9 +58,13 @@ def compute(count: int, processes: int, harmonics: int, span: tuple[float, float
     """The first cases of the sample, and the seconds they took."""
     start = time.perf_counter()
     found = hb.design.cases(
-        BASE, hb.design.monte_carlo(count, SEED, **SCATTER), ("peak", "jumps", "curve"), harmonics=harmonics, span=span,
+        BASE,
+        hb.design.monte_carlo(count, SEED, **SCATTER),
+        ("peak", "jumps", "curve"),
+        harmonics=harmonics,
+        span=span,
         processes=processes,
-    )  # fmt: skip
+    )
     return found, time.perf_counter() - start
 
 
@@ -91,8 +95,12 @@ def plot(results: Results) -> Figure:
 def report(results: Results) -> str:
     """Numbers of the peak and the jumps, what they depend on, and the speed, as tables in Markdown."""
     found = results.found
-    columns = {"largest peak, half peak-to-peak [b_c]": "peak", "Omega of the peak": "peak_Omega",
-               "jump while Omega rises": "jump_rising", "jump while Omega falls": "jump_falling"}  # fmt: skip
+    columns = {
+        "largest peak, half peak-to-peak [b_c]": "peak",
+        "Omega of the peak": "peak_Omega",
+        "jump while Omega rises": "jump_rising",
+        "jump while Omega falls": "jump_falling",
+    }
     lines = [f"{len(found)} cases, {len(found.failed)} failed. The last columns are rank correlations (Spearman).", ""]
     head = ["number", "cases", "5 %", "median", "95 %", *found.names]
     lines += ["| " + " | ".join(head) + " |", "|" + " --- |" * len(head)]
@@ -108,8 +116,11 @@ def report(results: Results) -> str:
     rate = len(found) / results.seconds
     lines += ["", f"{rate:.2f} cases per second on {results.processes} processes ({results.seconds:.0f} s)."]
     if np.isfinite(results.efficiency):
-        lines += ["", f"{results.part} cases: {results.one:.1f} s on one process, {results.two:.1f} s on two; "
-                  f"parallel efficiency {results.efficiency:.2f}."]  # fmt: skip
+        lines += [
+            "",
+            f"{results.part} cases: {results.one:.1f} s on one process, {results.two:.1f} s on two; "
+            f"parallel efficiency {results.efficiency:.2f}.",
+        ]
     return "\n".join([*lines, ""])
 
 

@@ -145,11 +145,14 @@ def _cells(ax: Axes, found: Map, names: tuple[str, str]) -> None:
     half_x, half_y = (0.5 * (axis[1] - axis[0]) for axis in (found.x, found.y))
     extent = (found.x[0] - half_x, found.x[-1] + half_x, found.y[0] - half_y, found.y[-1] + half_y)
     shades = ListedColormap(BASINS[:2])
-    ax.imshow(found.large, origin="lower", extent=extent, aspect="auto", cmap=shades, vmin=0, vmax=1,
-              interpolation="nearest")  # fmt: skip
+    ax.imshow(
+        found.large, origin="lower", extent=extent, aspect="auto", cmap=shades, vmin=0, vmax=1, interpolation="nearest"
+    )
     share = float(np.mean(found.large))
-    handles = [Patch(facecolor=shade, edgecolor="#777777", lw=0.5, label=f"{name}: {part:.0%} of starts")
-               for shade, name, part in zip(BASINS, names, (1 - share, share), strict=False)]  # fmt: skip
+    handles = [
+        Patch(facecolor=shade, edgecolor="#777777", lw=0.5, label=f"{name}: {part:.0%} of starts")
+        for shade, name, part in zip(BASINS, names, (1 - share, share), strict=False)
+    ]
     ax.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=1)
     ax.tick_params(which="both", direction="in", top=True, right=True)
 
@@ -157,8 +160,10 @@ def _cells(ax: Axes, found: Map, names: tuple[str, str]) -> None:
 def report(results: dict[str, Any]) -> str:
     """Shares of the starts, and how well all had settled."""
     places = {"folds": f"zeta = {LOW.zeta}, Omega = {FOLDED}", "third": f"base case, Omega = {THIRD}"}
-    lines = ["| machine | starts | motion | share | other motion | share | change over the last period, at most |",
-             "| --- | --- | --- | --- | --- | --- | --- |"]  # fmt: skip
+    lines = [
+        "| machine | starts | motion | share | other motion | share | change over the last period, at most |",
+        "| --- | --- | --- | --- | --- | --- | --- |",
+    ]
     for name, found in results.items():
         share, (small, large) = float(np.mean(found.large)), NAMES[name]
         cells = [places[name], f"{found.large.size}", small, f"{1 - share:.1%}", large, f"{share:.1%}"]
@@ -166,8 +171,11 @@ def report(results: dict[str, Any]) -> str:
     if "third" in results:
         x, row = results["third"].x, results["third"].large[len(results["third"].y) // 2].astype(bool)
         least = f"by about {np.abs(x[row]).min():.2g} b_c" if row.any() else f"by more than {x.max():g} b_c"
-        lines += ["", f"At Omega = {THIRD} the pinion must be moved {least} along its shaft, without a rate, for the "
-                  "motion to double: a machine that starts evenly keeps the mesh period."]  # fmt: skip
+        lines += [
+            "",
+            f"At Omega = {THIRD} the pinion must be moved {least} along its shaft, without a rate, for the "
+            "motion to double: a machine that starts evenly keeps the mesh period.",
+        ]
     return "\n".join([*lines, ""])
 
 

@@ -103,8 +103,15 @@ def steepest(branch: hb.Branch) -> tuple[float, float]:
     if not any(point.kind == "LP" for point in branch.special):
         first, last = max(i - 1, 0), min(i + 2, len(branch) - 1)
         span = float(branch.values[first]), float(branch.values[last])
-        branch = hb.trace(branch.problem, "Omega", span, branch[first], steps=hb.StepControl(max_step=0.01),
-                          stability=False, special=False)  # fmt: skip
+        branch = hb.trace(
+            branch.problem,
+            "Omega",
+            span,
+            branch[first],
+            steps=hb.StepControl(max_step=0.01),
+            stability=False,
+            special=False,
+        )
         i, slope = _between_rows(branch)
     return slope, float(branch.values[i : i + 2].mean())
 
@@ -214,11 +221,12 @@ def displacements(cases: list[Case]) -> list[float]:
 def wider(figure: str, name: str, sets: str) -> Claim:
     """The claim that a wider backlash makes the displacement larger in every set of a figure."""
     return Claim(
-        figure, f"displacement at W = 0.6 larger than at W = 0, for every {sets}",
+        figure,
+        f"displacement at W = 0.6 larger than at W = 0, for every {sets}",
         lambda r: f"{amounts(displacements(r[name]))} at W = 0; {amounts(displacements(r[name + ' W']))} at W = 0.6",
         (lambda r: all(b > a for a, b in zip(displacements(r[name]), displacements(r[name + " W"]), strict=True)),),
         "W is added to the gap; the alternating motion is the same",
-    )  # fmt: skip
+    )
 
 
 def peaks(cases: list[Case]) -> list[float]:
@@ -281,124 +289,250 @@ def folds(cases: list[Case]) -> str:
 
 
 CLAIMS = (
-    Claim("3", "Omega = 1: near ellipse",
-          lambda r: f"order 1 has {share(r['motions']['1']['orders'], slice(1)):.4f} of the power",
-          (lambda r: share(r["motions"]["1"]["orders"], slice(1)) > 0.99,),
-          "close above the main resonance order 1 is by far the strongest"),
-    Claim("3", "Omega = 1: single-sided impact",
-          lambda r: f"{r['motions']['1']['regime']}, least gap {r['motions']['1']['least']:.4f} b_c",
-          (lambda r: r["motions"]["1"]["regime"] == "single_sided",),
-          "the teeth lose contact only while the least gap is below b_c, just below Omega = 1"),
-    Claim("3", "Omega = 1/2 and 1/3: closed curves, not circular",
-          lambda r: "the strongest order has " + amounts(
-              [strongest(m["orders"]) for m in (r["motions"]["1/2"], r["motions"]["1/3"], third(r))])
-          + " of the power at 1/2, at 1/3, at 1/3 on the stable motion",
-          (lambda r: strongest(r["motions"]["1/2"]["orders"]) < 0.9,
-           lambda r: strongest(r["motions"]["1/3"]["orders"]) < 0.9,
-           lambda r: strongest(third(r)["orders"]) < 0.9),
-          "superharmonics are as strong as order 1; at 1/3 the stable curve closes after two periods"),
-    Claim("3", "Omega = 1/2: no impact", lambda r: words(r["motions"]["1/2"]),
-          (lambda r: r["motions"]["1/2"]["regime"] == "no_impact", lambda r: r["motions"]["1/2"]["stable"]),
-          "the dynamic gap motion is smaller than the static closure"),
-    Claim("3", "Omega = 1/3: no impact",
-          lambda r: f"one period: {words(r['motions']['1/3'])}; two periods: {words(r['doubled'])}",
-          (lambda r: r["motions"]["1/3"]["regime"] == "no_impact",
-           lambda r: third(r)["stable"] and third(r)["regime"] == "no_impact"),
-          "only the symmetric motion, which is unstable, has none; in the stable motion of two periods the teeth "
-          "lose contact"),
-    Claim("4", "base case: jump at 0.89",
-          lambda r: f"jumps: {folds([r['base']])}; steepest rise {r['base'].slope:.1f} at {r['base'].slope_at:.4f}",
-          (lambda r: near(r["base"].jumps, 0.89, 0.01), lambda r: abs(r["base"].slope_at - 0.89) < 0.02),
-          "a steep rise where the teeth begin to lose contact, without a fold: the case lies just above a "
-          "cusp in damping"),
-    Claim("4", "only no impact and single-sided impact",
-          lambda r: ", ".join(r["base"].regimes),
-          (lambda r: set(r["base"].regimes) == {"no_impact", "single_sided"},),
-          "no gap comes near the tooth back at -b_c"),
-    Claim("4", "superharmonic peaks near 1/2 and 1/3",
-          lambda r: "peaks at " + amounts(list(r["base"].superharmonics)),
-          (lambda r: near(r["base"].superharmonics, 0.5, 0.06), lambda r: near(r["base"].superharmonics, 1 / 3, 0.04)),
-          "harmonics 2 and 3 of stiffness and error excite the main resonance"),
-    Claim("5", "displacement amplitude grows with backlash W",
-          lambda r: f"largest displacement {amounts(displacements(r['W']))}; half peak-to-peak "
-          + amounts(peaks(r["W"])),
-          (lambda r: rising(displacements(r["W"])),),
-          "W shifts the gap by a constant, and with it the largest displacement; the alternating motion does not "
-          "change while no tooth makes contact at its back. Where two motions are stable W can decide which is reached "
-          "from rest (from_rest)"),
-    Claim("5", "the jump remains for every W", lambda r: f"jumps: {folds(r['W'])}",
-          (lambda r: all(c.jumps for c in r["W"]),), "the curve of the alternating motion is the same for every W"),
-    Claim("5", "jump frequency leans to the right with W",
-          lambda r: "peak at " + amounts([c.peak_at for c in r["W"]]),
-          (lambda r: rising([c.peak_at for c in r["W"]], 1e-4),),
-          "the same shift invariance; started from rest, a case with two folds does lean to the right (from_rest)"),
-    Claim("6", "amplitude falls with smaller stiffness variation",
-          lambda r: "peaks " + amounts(peaks(r["eps"])), (lambda r: rising(peaks(r["eps"])[::-1]),),
-          "the stiffness variation is the main excitation"),
-    Claim("6", "the jump vanishes with smaller stiffness variation",
-          lambda r: "steepest rise " + amounts([c.slope for c in r["eps"]]) + f"; jumps: {folds(r['eps'])}",
-          (lambda r: bool(r["eps"][0].jumps), lambda r: rising([c.slope for c in r["eps"]][::-1]),
-           lambda r: not r["eps"][-1].jumps), "the rise weakens as claimed; the base case has no fold to lose"),
-    Claim("6", "at W = 0.6, eps_1 = 0.13 is linear", lambda r: ", ".join(r["eps W"][1].regimes),
-          (lambda r: r["eps W"][1].linear,), "the teeth do not lose contact with this stiffness, at W = 0 either"),
+    Claim(
+        "3",
+        "Omega = 1: near ellipse",
+        lambda r: f"order 1 has {share(r['motions']['1']['orders'], slice(1)):.4f} of the power",
+        (lambda r: share(r["motions"]["1"]["orders"], slice(1)) > 0.99,),
+        "close above the main resonance order 1 is by far the strongest",
+    ),
+    Claim(
+        "3",
+        "Omega = 1: single-sided impact",
+        lambda r: f"{r['motions']['1']['regime']}, least gap {r['motions']['1']['least']:.4f} b_c",
+        (lambda r: r["motions"]["1"]["regime"] == "single_sided",),
+        "the teeth lose contact only while the least gap is below b_c, just below Omega = 1",
+    ),
+    Claim(
+        "3",
+        "Omega = 1/2 and 1/3: closed curves, not circular",
+        lambda r: (
+            "the strongest order has "
+            + amounts([strongest(m["orders"]) for m in (r["motions"]["1/2"], r["motions"]["1/3"], third(r))])
+            + " of the power at 1/2, at 1/3, at 1/3 on the stable motion"
+        ),
+        (
+            lambda r: strongest(r["motions"]["1/2"]["orders"]) < 0.9,
+            lambda r: strongest(r["motions"]["1/3"]["orders"]) < 0.9,
+            lambda r: strongest(third(r)["orders"]) < 0.9,
+        ),
+        "superharmonics are as strong as order 1; at 1/3 the stable curve closes after two periods",
+    ),
+    Claim(
+        "3",
+        "Omega = 1/2: no impact",
+        lambda r: words(r["motions"]["1/2"]),
+        (lambda r: r["motions"]["1/2"]["regime"] == "no_impact", lambda r: r["motions"]["1/2"]["stable"]),
+        "the dynamic gap motion is smaller than the static closure",
+    ),
+    Claim(
+        "3",
+        "Omega = 1/3: no impact",
+        lambda r: f"one period: {words(r['motions']['1/3'])}; two periods: {words(r['doubled'])}",
+        (
+            lambda r: r["motions"]["1/3"]["regime"] == "no_impact",
+            lambda r: third(r)["stable"] and third(r)["regime"] == "no_impact",
+        ),
+        "only the symmetric motion, which is unstable, has none; in the stable motion of two periods the teeth "
+        "lose contact",
+    ),
+    Claim(
+        "4",
+        "base case: jump at 0.89",
+        lambda r: f"jumps: {folds([r['base']])}; steepest rise {r['base'].slope:.1f} at {r['base'].slope_at:.4f}",
+        (lambda r: near(r["base"].jumps, 0.89, 0.01), lambda r: abs(r["base"].slope_at - 0.89) < 0.02),
+        "a steep rise where the teeth begin to lose contact, without a fold: the case lies just above a "
+        "cusp in damping",
+    ),
+    Claim(
+        "4",
+        "only no impact and single-sided impact",
+        lambda r: ", ".join(r["base"].regimes),
+        (lambda r: set(r["base"].regimes) == {"no_impact", "single_sided"},),
+        "no gap comes near the tooth back at -b_c",
+    ),
+    Claim(
+        "4",
+        "superharmonic peaks near 1/2 and 1/3",
+        lambda r: "peaks at " + amounts(list(r["base"].superharmonics)),
+        (lambda r: near(r["base"].superharmonics, 0.5, 0.06), lambda r: near(r["base"].superharmonics, 1 / 3, 0.04)),
+        "harmonics 2 and 3 of stiffness and error excite the main resonance",
+    ),
+    Claim(
+        "5",
+        "displacement amplitude grows with backlash W",
+        lambda r: f"largest displacement {amounts(displacements(r['W']))}; half peak-to-peak " + amounts(peaks(r["W"])),
+        (lambda r: rising(displacements(r["W"])),),
+        "W shifts the gap by a constant, and with it the largest displacement; the alternating motion does not "
+        "change while no tooth makes contact at its back. Where two motions are stable W can decide which is reached "
+        "from rest (from_rest)",
+    ),
+    Claim(
+        "5",
+        "the jump remains for every W",
+        lambda r: f"jumps: {folds(r['W'])}",
+        (lambda r: all(c.jumps for c in r["W"]),),
+        "the curve of the alternating motion is the same for every W",
+    ),
+    Claim(
+        "5",
+        "jump frequency leans to the right with W",
+        lambda r: "peak at " + amounts([c.peak_at for c in r["W"]]),
+        (lambda r: rising([c.peak_at for c in r["W"]], 1e-4),),
+        "the same shift invariance; started from rest, a case with two folds does lean to the right (from_rest)",
+    ),
+    Claim(
+        "6",
+        "amplitude falls with smaller stiffness variation",
+        lambda r: "peaks " + amounts(peaks(r["eps"])),
+        (lambda r: rising(peaks(r["eps"])[::-1]),),
+        "the stiffness variation is the main excitation",
+    ),
+    Claim(
+        "6",
+        "the jump vanishes with smaller stiffness variation",
+        lambda r: "steepest rise " + amounts([c.slope for c in r["eps"]]) + f"; jumps: {folds(r['eps'])}",
+        (
+            lambda r: bool(r["eps"][0].jumps),
+            lambda r: rising([c.slope for c in r["eps"]][::-1]),
+            lambda r: not r["eps"][-1].jumps,
+        ),
+        "the rise weakens as claimed; the base case has no fold to lose",
+    ),
+    Claim(
+        "6",
+        "at W = 0.6, eps_1 = 0.13 is linear",
+        lambda r: ", ".join(r["eps W"][1].regimes),
+        (lambda r: r["eps W"][1].linear,),
+        "the teeth do not lose contact with this stiffness, at W = 0 either",
+    ),
     wider("6", "eps", "stiffness variation"),
-    Claim("7", "amplitude falls with damping", lambda r: "peaks " + amounts(peaks(r["zeta"])),
-          (lambda r: rising(peaks(r["zeta"])[::-1]),), "damping limits the resonance"),
-    Claim("7", "damping reduces the jump",
-          lambda r: "steepest rise " + amounts([c.slope for c in r["zeta"]]) + f"; jumps: {folds(r['zeta'])}",
-          (lambda r: bool(r["zeta"][0].jumps), lambda r: rising([c.slope for c in r["zeta"]][::-1])),
-          "the rise weakens as claimed; the folds are already gone at zeta = 0.063"),
-    Claim("7", "at W = 0.6, zeta = 0.07 is linear", lambda r: ", ".join(r["zeta W"][1].regimes),
-          (lambda r: r["zeta W"][1].linear,), "whether the teeth lose contact does not depend on W"),
+    Claim(
+        "7",
+        "amplitude falls with damping",
+        lambda r: "peaks " + amounts(peaks(r["zeta"])),
+        (lambda r: rising(peaks(r["zeta"])[::-1]),),
+        "damping limits the resonance",
+    ),
+    Claim(
+        "7",
+        "damping reduces the jump",
+        lambda r: "steepest rise " + amounts([c.slope for c in r["zeta"]]) + f"; jumps: {folds(r['zeta'])}",
+        (lambda r: bool(r["zeta"][0].jumps), lambda r: rising([c.slope for c in r["zeta"]][::-1])),
+        "the rise weakens as claimed; the folds are already gone at zeta = 0.063",
+    ),
+    Claim(
+        "7",
+        "at W = 0.6, zeta = 0.07 is linear",
+        lambda r: ", ".join(r["zeta W"][1].regimes),
+        (lambda r: r["zeta W"][1].linear,),
+        "whether the teeth lose contact does not depend on W",
+    ),
     wider("7", "zeta", "damping"),
-    Claim("8", "larger error, larger amplitude", lambda r: "peaks " + amounts(peaks(r["e"])),
-          (lambda r: rising(peaks(r["e"])[::-1]),),
-          "error and stiffness variation add with their phases, which differ by the reading of the sign of e"),
-    Claim("8", "larger error, larger jump", lambda r: "largest change at a jump " + amounts([c.height for c in r["e"]]),
-          (lambda r: r["e"][0].height > 0, lambda r: rising([c.height for c in r["e"]][::-1])),
-          "only the largest error makes folds at this load"),
-    Claim("8", "e = 0 still jumps", lambda r: f"jumps: {folds([r['e'][-1]])}; " + ", ".join(r["e"][-1].regimes),
-          (lambda r: bool(r["e"][-1].jumps),), "loss of contact alone does not make a fold at this damping"),
+    Claim(
+        "8",
+        "larger error, larger amplitude",
+        lambda r: "peaks " + amounts(peaks(r["e"])),
+        (lambda r: rising(peaks(r["e"])[::-1]),),
+        "error and stiffness variation add with their phases, which differ by the reading of the sign of e",
+    ),
+    Claim(
+        "8",
+        "larger error, larger jump",
+        lambda r: "largest change at a jump " + amounts([c.height for c in r["e"]]),
+        (lambda r: r["e"][0].height > 0, lambda r: rising([c.height for c in r["e"]][::-1])),
+        "only the largest error makes folds at this load",
+    ),
+    Claim(
+        "8",
+        "e = 0 still jumps",
+        lambda r: f"jumps: {folds([r['e'][-1]])}; " + ", ".join(r["e"][-1].regimes),
+        (lambda r: bool(r["e"][-1].jumps),),
+        "loss of contact alone does not make a fold at this damping",
+    ),
     wider("8", "e", "error"),
-    Claim("9", "more load, larger amplitude", lambda r: "peaks " + amounts(peaks(r["torque"])),
-          (lambda r: rising(peaks(r["torque"])),), "with the load grows the force of the stiffness variation"),
-    Claim("9", "with the load the peak leans to the right",
-          lambda r: "peak at " + amounts([c.peak_at for c in r["torque"]]),
-          (lambda r: rising([c.peak_at for c in r["torque"]]),),
-          "the teeth lose contact less and the softening is smaller"),
-    Claim("9", "with enough load the system is linear", lambda r: ", ".join(r["torque"][-1].regimes),
-          (lambda r: r["torque"][-1].linear, lambda r: not r["torque"][-1].jumps),
-          "closure and stiffness excitation both grow with the load: no jump, but the teeth lose contact"),
+    Claim(
+        "9",
+        "more load, larger amplitude",
+        lambda r: "peaks " + amounts(peaks(r["torque"])),
+        (lambda r: rising(peaks(r["torque"])),),
+        "with the load grows the force of the stiffness variation",
+    ),
+    Claim(
+        "9",
+        "with the load the peak leans to the right",
+        lambda r: "peak at " + amounts([c.peak_at for c in r["torque"]]),
+        (lambda r: rising([c.peak_at for c in r["torque"]]),),
+        "the teeth lose contact less and the softening is smaller",
+    ),
+    Claim(
+        "9",
+        "with enough load the system is linear",
+        lambda r: ", ".join(r["torque"][-1].regimes),
+        (lambda r: r["torque"][-1].linear, lambda r: not r["torque"][-1].jumps),
+        "closure and stiffness excitation both grow with the load: no jump, but the teeth lose contact",
+    ),
     wider("9", "torque", "load"),
-    Claim("abstract, conclusion 3", "damping and load constrain the amplitude",
-          lambda r: f"over damping {amounts(peaks(r['zeta']))}; over load {amounts(peaks(r['torque']))}, relative "
-          "to the load " + amounts([c.peak / T * 1400 for c, T in zip(r["torque"], base.TORQUE, strict=False)]),
-          (lambda r: rising(peaks(r["zeta"])[::-1]), lambda r: rising(peaks(r["torque"])[::-1])),
-          "damping does; the load does only relative to itself, and the text on Figure 9 says the opposite"),
-    Claim("14", "Omega = 1/3: mesh orders 1, 2, 3",
-          lambda r: f"{amounts(r['motions']['1/3']['orders'][:3])}, {words(r['motions']['1/3'])}" + half_orders(r),
-          (lambda r: three_lines(r["motions"]["1/3"]["orders"]), lambda r: r["motions"]["1/3"]["stable"]),
-          "so has the symmetric motion; the stable one has half orders as well"),
-    Claim("15", "theory, Omega = 1/2: mesh orders 1 and 2, no third",
-          lambda r: amounts(r["motions"]["1/2"]["orders"][:3]),
-          (lambda r: two_lines(r["motions"]["1/2"]["orders"]),),
-          "the second order is in resonance; the third is at most a tenth of it and would not be seen in a figure"),
-    Claim("15", "rig, 600 r/min: also the third mesh order", lambda r: amounts(r["motions"]["1/2"]["orders"][:3]),
-          (lambda r: three_lines(r["motions"]["1/2"]["orders"]),),
-          "stiffness and error have a third harmonic, but Omega = 1/2 is far from its resonance"),
-    Claim("16", "Omega = 1: one line at the mesh frequency", lambda r: amounts(r["motions"]["1"]["orders"][:3]),
-          (lambda r: share(r["motions"]["1"]["orders"], slice(1)) > 0.99,),
-          "close above the main resonance"),
-    Claim("16", "rig, 1200 r/min: sidebands of the mesh line", lambda r: "mesh orders only", (),
-          "sidebands need an excitation at shaft speed, such as eccentricity or pitch errors; the equations have none"),
-    Claim("17", "amplitude grows with backlash on the rig",
-          lambda r: "at 1200 r/min [um] " + ", ".join(f"{row[-1]:.5f}" for row in r["b"]),
-          (lambda r: rising([row[-1] for row in r["b"]]),),
-          "the teeth stay in mesh at these speeds, where backlash has no effect"),
-    Claim("18", "amplitude grows with speed",
-          lambda r: "400, 600, 1200 r/min [um] " + amounts(r["b"][0]), (lambda r: rising(r["b"][0]),),
-          "these speeds are Omega = 0.03 to 0.1 of this model, far below its resonances"),
-)  # fmt: skip
+    Claim(
+        "abstract, conclusion 3",
+        "damping and load constrain the amplitude",
+        lambda r: (
+            f"over damping {amounts(peaks(r['zeta']))}; over load {amounts(peaks(r['torque']))}, relative "
+            "to the load " + amounts([c.peak / T * 1400 for c, T in zip(r["torque"], base.TORQUE, strict=False)])
+        ),
+        (lambda r: rising(peaks(r["zeta"])[::-1]), lambda r: rising(peaks(r["torque"])[::-1])),
+        "damping does; the load does only relative to itself, and the text on Figure 9 says the opposite",
+    ),
+    Claim(
+        "14",
+        "Omega = 1/3: mesh orders 1, 2, 3",
+        lambda r: f"{amounts(r['motions']['1/3']['orders'][:3])}, {words(r['motions']['1/3'])}" + half_orders(r),
+        (lambda r: three_lines(r["motions"]["1/3"]["orders"]), lambda r: r["motions"]["1/3"]["stable"]),
+        "so has the symmetric motion; the stable one has half orders as well",
+    ),
+    Claim(
+        "15",
+        "theory, Omega = 1/2: mesh orders 1 and 2, no third",
+        lambda r: amounts(r["motions"]["1/2"]["orders"][:3]),
+        (lambda r: two_lines(r["motions"]["1/2"]["orders"]),),
+        "the second order is in resonance; the third is at most a tenth of it and would not be seen in a figure",
+    ),
+    Claim(
+        "15",
+        "rig, 600 r/min: also the third mesh order",
+        lambda r: amounts(r["motions"]["1/2"]["orders"][:3]),
+        (lambda r: three_lines(r["motions"]["1/2"]["orders"]),),
+        "stiffness and error have a third harmonic, but Omega = 1/2 is far from its resonance",
+    ),
+    Claim(
+        "16",
+        "Omega = 1: one line at the mesh frequency",
+        lambda r: amounts(r["motions"]["1"]["orders"][:3]),
+        (lambda r: share(r["motions"]["1"]["orders"], slice(1)) > 0.99,),
+        "close above the main resonance",
+    ),
+    Claim(
+        "16",
+        "rig, 1200 r/min: sidebands of the mesh line",
+        lambda r: "mesh orders only",
+        (),
+        "sidebands need an excitation at shaft speed, such as eccentricity or pitch errors; the equations have none",
+    ),
+    Claim(
+        "17",
+        "amplitude grows with backlash on the rig",
+        lambda r: "at 1200 r/min [um] " + ", ".join(f"{row[-1]:.5f}" for row in r["b"]),
+        (lambda r: rising([row[-1] for row in r["b"]]),),
+        "the teeth stay in mesh at these speeds, where backlash has no effect",
+    ),
+    Claim(
+        "18",
+        "amplitude grows with speed",
+        lambda r: "400, 600, 1200 r/min [um] " + amounts(r["b"][0]),
+        (lambda r: rising(r["b"][0]),),
+        "these speeds are Omega = 0.03 to 0.1 of this model, far below its resonances",
+    ),
+)
 """All claims, in the order of the figures."""
 
 

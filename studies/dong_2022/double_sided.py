@@ -130,8 +130,9 @@ def plot(results: Results) -> Figure:
         top = widest(branch).parameters
         height = um * (1 + top["W"])
         left.plot(top["Omega"], height, "o", ms=4, mfc="white", mec="black")
-        left.annotate(f"{height:.2f} μm", (top["Omega"], height), (0, 6), textcoords="offset points", ha="center",
-                      fontsize=8)  # fmt: skip
+        left.annotate(
+            f"{height:.2f} μm", (top["Omega"], height), (0, 6), textcoords="offset points", ha="center", fontsize=8
+        )
     left.set_xlim(0.25, 1.05)
     left.set_ylim(0, 7.2)
     left.set_xlabel(r"$\Omega = \omega_\mathrm{mesh}/\omega_n$ [-]")
@@ -192,22 +193,35 @@ def report(results: Results) -> str:
         cells = [motion, f"{top['W']:.5f}", f"{um * (1 + top['W']):.3f}", f"{top['Omega']:.4f}", f"{deep / 2 - 1:.5f}"]
         lines.append("| " + " | ".join(cells) + " |")
     if results["limits"]:
-        lines += ["", f"One parameter alone, with W = 0 (b = {um:g} um):", "",
-                  "| motion | parameter | base case | double-sided from |", "| --- | --- | --- | --- |"]  # fmt: skip
+        lines += [
+            "",
+            f"One parameter alone, with W = 0 (b = {um:g} um):",
+            "",
+            "| motion | parameter | base case | double-sided from |",
+            "| --- | --- | --- | --- |",
+        ]
         for (motion, name), value in results["limits"].items():
             text = f"not up to {LIMITS[name]:g}" if np.isnan(value) else f"{value:.4g}"
             lines.append(f"| {motion} | {name} | {pair.parameters[name]:g} | {text} |")
-    lines += ["", "Half backlash [um] below which impact is double-sided:", "",
-              "| motion | zeta | " + " | ".join(f"{T:g} N m" for T in results["torque"]) + " |",
-              "| --- | --- |" + " --- |" * len(results["torque"])]  # fmt: skip
+    lines += [
+        "",
+        "Half backlash [um] below which impact is double-sided:",
+        "",
+        "| motion | zeta | " + " | ".join(f"{T:g} N m" for T in results["torque"]) + " |",
+        "| --- | --- |" + " --- |" * len(results["torque"]),
+    ]
     for (motion, zeta), deep in results["depths"].items():
         lines.append(f"| {motion} | {zeta} | " + " | ".join(f"{um * d / 2:.2f}" for d in deep) + " |")
-    return "\n".join([
-        *lines, "",
-        "The paper finds no double-sided impact in its base case, and the model agrees: it would need a small fraction "
-        "of the backlash, or several times the load. Load and error act only through their ratio: with both multiplied "
-        "by s, the depth is s times as large.", "",
-    ])  # fmt: skip
+    return "\n".join(
+        [
+            *lines,
+            "",
+            "The paper finds no double-sided impact in its base case, and the model agrees: it would need a small "
+            "fraction of the backlash, or several times the load. Load and error act only through their ratio: with "
+            "both multiplied by s, the depth is s times as large.",
+            "",
+        ]
+    )
 
 
 if __name__ == "__main__":

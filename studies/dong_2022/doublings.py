@@ -140,19 +140,30 @@ def _response(ax: Axes, results: Results) -> None:
     response(results["curve"], ax=ax, special=False, legend=False)
     response(results["doubled"], ax=ax, special=False, legend=False)
     for swept, marker in zip(results["sweeps"], ("v", "^"), strict=False):
-        ax.plot(swept.values, swept.amplitude("pp2"), marker, ms=4.5, mfc="white", mec="black", mew=0.8, ls="",
-                label=f"sweep {'up' if swept.direction > 0 else 'down'}")  # fmt: skip
+        ax.plot(
+            swept.values,
+            swept.amplitude("pp2"),
+            marker,
+            ms=4.5,
+            mfc="white",
+            mec="black",
+            mew=0.8,
+            ls="",
+            label=f"sweep {'up' if swept.direction > 0 else 'down'}",
+        )
     marked = ((results["curve"], "PD1", "D"), (results["curve"], "PD2", "D"), (results["doubled"], "LP1", "o"))
     for branch, label, marker in marked:
         point = branch[label]
         ax.plot(point.parameters["Omega"], point.amplitude("pp2"), marker, ms=4, mfc="white", mec="black", mew=0.9)
     _jumps(ax, results)
-    handles = [plt.Line2D([], [], color=study.BLUE, label="no impact"),
-               plt.Line2D([], [], color=study.ORANGE, label="single-sided"),
-               plt.Line2D([], [], color="#555555", ls="--", label="unstable"),
-               plt.Line2D([], [], color="black", marker="D", ms=4, mfc="white", ls="", label="period doubling (PD)"),
-               plt.Line2D([], [], color="black", marker="o", ms=4, mfc="white", ls="", label="fold (LP)"),
-               *[line for line in ax.lines if str(line.get_label()).startswith("sweep")]]  # fmt: skip
+    handles = [
+        plt.Line2D([], [], color=study.BLUE, label="no impact"),
+        plt.Line2D([], [], color=study.ORANGE, label="single-sided"),
+        plt.Line2D([], [], color="#555555", ls="--", label="unstable"),
+        plt.Line2D([], [], color="black", marker="D", ms=4, mfc="white", ls="", label="period doubling (PD)"),
+        plt.Line2D([], [], color="black", marker="o", ms=4, mfc="white", ls="", label="fold (LP)"),
+        *[line for line in ax.lines if str(line.get_label()).startswith("sweep")],
+    ]
     ax.legend(handles=handles, loc="upper right")
     ax.set(xlim=SPAN[::-1], ylim=(0.1, 0.86), xlabel=LABEL, ylabel="half peak-to-peak of the gap $d/b_c$ [-]")
     ax.set_title(r"(a) response near $\Omega = 1/3$", loc="left")
@@ -183,13 +194,21 @@ def _tongue(ax: Axes, branches: tuple[hb.Branch, ...], name: str) -> None:
         ax.plot(side, values, ":", color="black", lw=1.1, label=label)
     own = pair.parameters[name]
     ax.axhline(own, color=study.GREY, lw=0.7, zorder=0)
-    ax.annotate("base case", (0.015, own), (0, 3), xycoords=("axes fraction", "data"), textcoords="offset points",
-                fontsize=8)  # fmt: skip
+    ax.annotate(
+        "base case", (0.015, own), (0, 3), xycoords=("axes fraction", "data"), textcoords="offset points", fontsize=8
+    )
     top = apex(branches)
     ax.plot(top.parameters["Omega"], top.parameters[name], "o", ms=4.5, mfc="white", mec="black", mew=0.9)
     up = name == "zeta"
-    ax.annotate(f"{top.parameters[name]:.5f}", (top.parameters["Omega"], top.parameters[name]), (0, 7 if up else -7),
-                textcoords="offset points", ha="center", va="bottom" if up else "top", fontsize=8)  # fmt: skip
+    ax.annotate(
+        f"{top.parameters[name]:.5f}",
+        (top.parameters["Omega"], top.parameters[name]),
+        (0, 7 if up else -7),
+        textcoords="offset points",
+        ha="center",
+        va="bottom" if up else "top",
+        fontsize=8,
+    )
     ends = min(far, top.parameters[name]), max(far, top.parameters[name])
     room = 0.42 * (ends[1] - ends[0])
     ax.set_ylim(ends[0] if up else ends[0] - 0.4 * room, ends[1] + room)  # the legend stands above the tongue
@@ -249,10 +268,11 @@ def report(results: Results) -> str:
     lines = [
         f"Anti-phase mode: omega_a = {omega:.4f}, zeta_a = {zeta:.4f}, g = {g:.5f}. Principal parametric resonance "
         f"between Omega = {low:.4f} and {high:.4f} to first order; computed: {found[0]:.5f} to {found[1]:.5f}. Load, "
-        "error and backlash do not matter, as the teeth do not lose contact before.", "",
+        "error and backlash do not matter, as the teeth do not lose contact before.",
+        "",
         "| parameter | base case | doubling vanishes at | Omega there | first order |",
         "| --- | --- | --- | --- | --- |",
-    ]  # fmt: skip
+    ]
     for name, branches in results["boundaries"].items():
         point = apex(branches)
         theory = f"{limit(pair, name):.4f}"
@@ -265,10 +285,11 @@ def report(results: Results) -> str:
         f"then it bends to lower Omega, to a fold at {fold.parameters['Omega']:.5f} with half peak-to-peak "
         f"{fold.amplitude('pp2'):.3f} b_c. Between that fold and Omega = {found[0]:.4f} it exists together "
         f"with the stable "
-        "symmetric motion: a sweep down leaves it at the fold, a sweep up finds it at the doubling.", "",
+        "symmetric motion: a sweep down leaves it at the fold, a sweep up finds it at the doubling.",
+        "",
         "| sweep | Omega | period | half peak-to-peak, left | right | harmonic balance |",
         "| --- | --- | --- | --- | --- | --- |",
-    ]  # fmt: skip
+    ]
     for swept in results["sweeps"]:
         way = "up" if swept.direction > 0 else "down"
         for i, Omega in enumerate(swept.values):

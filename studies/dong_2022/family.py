@@ -104,8 +104,17 @@ def draw_family(
         for point in curve.special:
             if point.kind in kinds:
                 marker, name = draw.MARKERS[point.kind]
-                ax.plot(point.parameters["Omega"], point.amplitude(measure), marker, ms=4.5, mfc="white",
-                        mec=member.color, mew=0.9, zorder=6, label=name)  # fmt: skip
+                ax.plot(
+                    point.parameters["Omega"],
+                    point.amplitude(measure),
+                    marker,
+                    ms=4.5,
+                    mfc="white",
+                    mec=member.color,
+                    mew=0.9,
+                    zorder=6,
+                    label=name,
+                )
     ax.set(xlabel=OMEGA, ylabel=AMPLITUDE)
     ax.set_ylim(bottom=0)
     ax.set_xlim(min(curve.values.min() for _, curve in family), max(curve.values.max() for _, curve in family))
@@ -119,8 +128,17 @@ def draw_dots(ax: Axes, family: Family, measure: str = "pp2", count: int = 24) -
         size = np.hypot(np.diff(x) / np.ptp(x), np.diff(A) / (np.ptp(A) or 1.0))
         along = np.append(0.0, np.cumsum(size))
         at = (np.arange(count) + (i + 0.5) / len(family)) / count * along[-1]
-        ax.plot(np.interp(at, along, x), np.interp(at, along, A), "o", ms=3.6, mfc="white", mec=member.color, mew=0.9,
-                zorder=5, gid="coincides")  # fmt: skip
+        ax.plot(
+            np.interp(at, along, x),
+            np.interp(at, along, A),
+            "o",
+            ms=3.6,
+            mfc="white",
+            mec=member.color,
+            mew=0.9,
+            zorder=5,
+            gid="coincides",
+        )
 
 
 def legend(figure: Figure, family: Family, extra: Sequence[Line2D] = ()) -> None:

@@ -93,8 +93,16 @@ def plot(results: dict[str, list[hb.Point]]) -> Figure:
         phase.set_xlabel("gap $d/b_c$ [-]")
         time.set_xlabel("periods of the excitation [-]")
         for i, point in enumerate(points):
-            time.text(0.97, 0.97 - 0.08 * i, words(point), color=COLOURS[point.regime_name], fontsize=8,
-                      ha="right", va="top", transform=time.transAxes)  # fmt: skip
+            time.text(
+                0.97,
+                0.97 - 0.08 * i,
+                words(point),
+                color=COLOURS[point.regime_name],
+                fontsize=8,
+                ha="right",
+                va="top",
+                transform=time.transAxes,
+            )
     axes[1, 0].text(0.03, 0.1, "teeth apart", fontsize=8, transform=axes[1, 0].transAxes)
     axes[0, 0].set_ylabel(r"velocity $\dot d/(b_c \omega_n)$ [-]")
     axes[1, 0].set_ylabel("gap $d/b_c$ [-]")

@@ -45,8 +45,10 @@ def plot(results: Results) -> Figure:
     axes[0, 0].set_ylabel(r"amplitude of $d_L$ [μm]")
     axes[1, 0].set_ylabel("change against\nsmallest backlash [%]")
     axes[0, 1].legend(loc="upper right", title="backlash $2b$")
-    handles = [plt.Line2D([], [], color="black", marker=m, ls="", ms=4, mfc=f, mew=0.8)
-               for m, f in (("o", "black"), ("s", "white"))]  # fmt: skip
+    handles = [
+        plt.Line2D([], [], color="black", marker=m, ls="", ms=4, mfc=f, mew=0.8)
+        for m, f in (("o", "black"), ("s", "white"))
+    ]
     names = [r"error grows with $b_c = b$", r"error kept in μm ($b = b_c (1 + W)$)"]
     axes[1, 0].legend(handles, names, loc="upper left")
     return figure
@@ -78,8 +80,10 @@ def _lengths(gaps: list[backlash.Gap]) -> tuple[float, ...]:
 
 def report(results: Results) -> str:
     """Amplitudes of the first three orders, and their changes."""
-    lines = ["| Omega | error | backlash [um] | order 1 [um] | order 2 [um] | order 3 [um] | change of order 1 [%] |",
-             "| --- | --- | --- | --- | --- | --- | --- |"]  # fmt: skip
+    lines = [
+        "| Omega | error | backlash [um] | order 1 [um] | order 2 [um] | order 3 [um] | change of order 1 [%] |",
+        "| --- | --- | --- | --- | --- | --- | --- |",
+    ]
     names = {"gap": "kept in um", "unit": "grows with b_c"}
     for (mapping, entry), gaps in results.items():
         Omega = float(backlash.omega(np.array(SPEED), mapping))
@@ -89,16 +93,19 @@ def report(results: Results) -> str:
             cells.append(f"{backlash.percent(gap.orders[0, 0], gaps[0].orders[0, 0]):.4f}")
             lines.append("| " + " | ".join(cells) + " |")
     widest = backlash.percent(np.array(base.B[-1]), np.array(base.B[0]))
-    return "\n".join([
-        *lines, "",
-        f"The four backlashes differ by {widest:.2f} %. As long as no tooth makes contact at its back, the "
-        f"motion about "
-        "its mean does not depend on the gap: only the mean shifts. What changes with the backlash is then the "
-        "transmission error, and only because it is given in units of b_c. Without impact every order is the sum of a "
-        "part that the load and the stiffness drive, which stays, and one that the error drives, which grows by as "
-        "much as b_c. The latter goes with the inertia forces Omega^2 e, and is next to nothing at the speeds of the "
-        "test.", "",
-    ])  # fmt: skip
+    return "\n".join(
+        [
+            *lines,
+            "",
+            f"The four backlashes differ by {widest:.2f} %. As long as no tooth makes contact at its back, the "
+            "motion about its mean does not depend on the gap: only the mean shifts. What changes with the backlash "
+            "is then the transmission error, and only because it is given in units of b_c. Without impact every order"
+            " is the sum of a part that the load and the stiffness drive, which stays, and one that the error drives,"
+            " which grows by as much as b_c. The latter goes with the inertia forces Omega^2 e, and is next to "
+            "nothing at the speeds of the test.",
+            "",
+        ]
+    )
 
 
 if __name__ == "__main__":

@@ -49,8 +49,15 @@ def plot(results: Results) -> Figure:
         for gap, B, color in zip(unit, lengths, backlash.COLORS, strict=False):
             _line(top, speeds, gap.pp2, gap.stable, color, backlash.name(B))
             _line(bottom, speeds, backlash.percent(gap.pp2, unit[0].pp2), gap.stable, color, "_")
-        bottom.plot(speeds, backlash.percent(kept[-1].pp2, kept[0].pp2), ":", color="black", lw=1.4, clip_on=False,
-                    label="all, error kept in μm")  # fmt: skip
+        bottom.plot(
+            speeds,
+            backlash.percent(kept[-1].pp2, kept[0].pp2),
+            ":",
+            color="black",
+            lw=1.4,
+            clip_on=False,
+            label="all, error kept in μm",
+        )
         top.set_title(backlash.TITLES[mapping], loc="left")
         bottom.set_xlabel("speed of the pinion [r/min]")
         bottom.set_ylim(bottom=0)
@@ -114,7 +121,8 @@ def _remarks(gaps: dict[tuple[str, str], list[backlash.Gap]]) -> list[str]:
             f"{unit[0].pp2[-1]:.3f} um."
         ]
     return [
-        *out, "",
+        *out,
+        "",
         "The length of backlash enters in two ways. With b = b_c (1 + W) at b_c = 25 um the error stays what it is in "
         "um; then, as no tooth makes contact at its back, a wider gap shifts the mean (and with it the largest "
         "|d|) by half "
@@ -123,7 +131,7 @@ def _remarks(gaps: dict[tuple[str, str], list[backlash.Gap]]) -> list[str]:
         "for the displacement from the middle of the gap, or for a larger error, not for the vibration. That it grows "
         "with speed in the tested range holds for the true Omega of these speeds; with the pairing of the paper the "
         "range covers all resonances.",
-    ]  # fmt: skip
+    ]
 
 
 if __name__ == "__main__":

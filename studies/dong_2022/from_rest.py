@@ -94,8 +94,15 @@ def plot(results: dict[str, Any]) -> Figure:
     panels = [(part, TITLES[name], _span(part["Omega"])) for name, part in results["parts"].items()]
     if "pair" in results["parts"]:
         panels.append((results["parts"]["pair"], f"{TITLES['pair']}, enlarged", NEAR))
-    figure, axes = plt.subplots(2, len(panels), figsize=(0.8 + 2.8 * len(panels), 4.4), layout="constrained",
-                                squeeze=False, sharex="col", height_ratios=(1.0, 0.55))  # fmt: skip
+    figure, axes = plt.subplots(
+        2,
+        len(panels),
+        figsize=(0.8 + 2.8 * len(panels), 4.4),
+        layout="constrained",
+        squeeze=False,
+        sharex="col",
+        height_ratios=(1.0, 0.55),
+    )
     for (above, below), (part, title, span) in zip(axes.T, panels, strict=True):
         curve = part["curve"]
         draw.response(curve, ax=above, color=study.GREY, special=False, jumps=False, legend=False)
@@ -148,17 +155,24 @@ def report(results: dict[str, Any]) -> str:
         where = ", ".join(f"{x:.4f}" for x in Omega[difference > 1e-3]) or "none"
         span = f"{Omega[0]:.4f} to {Omega[-1]:.4f}, {len(Omega)} values"
         lines.append(f"| {TITLES[name]} | {span} | {where} | {np.nanmax(difference):.2g} |")
-    lines += ["", "Lowest Omega from which on the larger motion is reached from rest, or nothing else is stable:", "",
-              "| machine | " + " | ".join(f"W = {w:g}" for w in results["W"]) + " |",
-              "| --- |" + " --- |" * len(results["W"])]  # fmt: skip
+    lines += [
+        "",
+        "Lowest Omega from which on the larger motion is reached from rest, or nothing else is stable:",
+        "",
+        "| machine | " + " | ".join(f"W = {w:g}" for w in results["W"]) + " |",
+        "| --- |" + " --- |" * len(results["W"]),
+    ]
     remarks: list[str] = []
     for name, part in results["parts"].items():
         starts = [_first(part["Omega"], row, part["curve"]) for row in upper(part)]
         lines.append(f"| {TITLES[name]} | " + " | ".join(f"{x:.4f}" for x in starts) + " |")
         if all(a < b for a, b in pairwise(starts)):
             lean = f"{TITLES[name]}: from rest the jump leans to the right as W grows, from {starts[0]:.4f} to "
-            remarks += ["", f"{lean}{starts[-1]:.4f}, as the paper's Figure 5 says; it is the start that moves it, not "
-                        "the curve, and only where the curve has two folds."]  # fmt: skip
+            remarks += [
+                "",
+                f"{lean}{starts[-1]:.4f}, as the paper's Figure 5 says; it is the start that moves it, not "
+                "the curve, and only where the curve has two folds.",
+            ]
     return "\n".join([*lines, *remarks, ""])
 
 

@@ -134,8 +134,10 @@ def _second_jump(ax: Axes, found: hb.analysis.JumpMap) -> None:
 
 def report(results: Results) -> str:
     """Critical values with the distance of the base case, and what W does."""
-    lines = ["| parameter | base case | critical value | Omega there | a jump exists | change from the base case [%] |",
-             "| --- | --- | --- | --- | --- | --- |"]  # fmt: skip
+    lines = [
+        "| parameter | base case | critical value | Omega there | a jump exists | change from the base case [%] |",
+        "| --- | --- | --- | --- | --- | --- |",
+    ]
     for name, b in results["boundaries"].items():
         side = "below" if b.jump_below else "above"
         lines.append(f"| {name} | {b.own:g} | {b.value:.6g} | {b.Omega:.4f} | {side} | {b.distance:+.2f} |")
@@ -153,15 +155,23 @@ def _remarks(results: Results) -> list[str]:
     out[0] += f", critical factor of the error {boundaries['e_scale'].value:.5f}." if "e_scale" in boundaries else "."
     if "zeta" in maps:
         small = [p for p in maps["zeta"].cusps if p.parameters["Omega"] < 0.6]
-        out += ["", "A second jump: " + "; ".join(
-            f"below zeta = {p.parameters['zeta']:.5f} at Omega = {p.parameters['Omega']:.4f}" for p in small
-        ) + ". Below zeta = 0.019 further folds follow in its neighbourhood, which are left out."]  # fmt: skip
+        out += [
+            "",
+            "A second jump: "
+            + "; ".join(
+                f"below zeta = {p.parameters['zeta']:.5f} at Omega = {p.parameters['Omega']:.4f}" for p in small
+            )
+            + ". Below zeta = 0.019 further folds follow in its neighbourhood, which are left out.",
+        ]
     if "W" in maps:
         moved = [float(arm.Omega.max() - arm.Omega.min()) for arm in maps["W"].arms]
-        out += ["", f"With zeta = {LOW} the jumps at Omega = " + " and ".join(
-            f"{arm.Omega[0]:.5f}" for arm in maps["W"].arms
-        ) + f" move by at most {max(moved):.0e} over W from {SPANS['W'][0]} to {SPANS['W'][1]}: the gap only shifts "
-            "the mean, so W has no critical value."]  # fmt: skip
+        out += [
+            "",
+            f"With zeta = {LOW} the jumps at Omega = "
+            + " and ".join(f"{arm.Omega[0]:.5f}" for arm in maps["W"].arms)
+            + f" move by at most {max(moved):.0e} over W from {SPANS['W'][0]} to {SPANS['W'][1]}: the gap only shifts "
+            "the mean, so W has no critical value.",
+        ]
     return out
 
 

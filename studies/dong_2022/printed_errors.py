@@ -55,8 +55,10 @@ def run(quick: bool = False) -> dict[str, Any]:
             problem = hb.HarmonicBalance(as_printed.symmetric(felt), 6 if quick else 16)
             curves[felt] = hb.trace(problem, "Omega", (1.05, 0.85) if quick else base.SPAN)
         found[name] = (curves[felt], float(as_printed.antisymmetric(errors).real.max()))
-    return {"curves": {name: curve for name, (curve, _) in found.items()},
-            "growth": {name: growth for name, (_, growth) in found.items()}}  # fmt: skip
+    return {
+        "curves": {name: curve for name, (curve, _) in found.items()},
+        "growth": {name: growth for name, (_, growth) in found.items()},
+    }
 
 
 def plot(results: dict[str, Any]) -> Figure:
@@ -71,8 +73,9 @@ def plot(results: dict[str, Any]) -> Figure:
         ax.set_title(title)
         ax.set(xlabel="", ylabel="")
         ax.set_ylim(bottom=0)
-    handles = [plt.Line2D([], [], color=c, label=t) for c, t in
-               ((study.GREY, "consistent"), (study.BLUE, "with the error"))]  # fmt: skip
+    handles = [
+        plt.Line2D([], [], color=c, label=t) for c, t in ((study.GREY, "consistent"), (study.BLUE, "with the error"))
+    ]
     axes[0, 0].legend(handles=handles, loc="upper left")
     figure.supxlabel(r"$\Omega = \omega_\mathrm{mesh}/\omega_n$ [-]", fontsize=10)
     figure.supylabel(r"half peak-to-peak of the gap $d/b_c$ [-]", y=0.53, fontsize=10)

@@ -56,8 +56,14 @@ JUMP = 0.15
 LOWER = np.round(np.concatenate([np.arange(0.29, 0.36, 0.01), np.arange(0.44, 0.55, 0.01)]), 6)
 """And near 1/3 and 1/2."""
 PERIODS = {"default": 100, "one DOF, F_m = 0.109": 400}
-CLAIMS = ("jump near 0.89", "single-sided at 1", "no impact at 1/2", "no impact at 1/3", "peaks near 1/2 and 1/3",
-          "never double-sided")  # fmt: skip
+CLAIMS = (
+    "jump near 0.89",
+    "single-sided at 1",
+    "no impact at 1/2",
+    "no impact at 1/3",
+    "peaks near 1/2 and 1/3",
+    "never double-sided",
+)
 
 
 def model(name: str) -> hb.mechanics.Model:
@@ -137,8 +143,17 @@ def assessed(machine: hb.mechanics.Model, span: tuple[float, float], harmonics: 
     return {"curve": curve, "case": numbers, "held": held(numbers, regimes), "stable at 1/3": stable}
 
 
-SYMBOLS = {"e with": "$e$ with", "e lags": "$e$ lags", "zeta": r"$\zeta$", "b_c": "$b_c$", "F_m": "$F_m$",
-           "um": "μm", "pi": r"$\pi$", "T/2": "$T/2$", "along y": "along $y$"}  # fmt: skip
+SYMBOLS = {
+    "e with": "$e$ with",
+    "e lags": "$e$ lags",
+    "zeta": r"$\zeta$",
+    "b_c": "$b_c$",
+    "F_m": "$F_m$",
+    "um": "μm",
+    "pi": r"$\pi$",
+    "T/2": "$T/2$",
+    "along y": "along $y$",
+}
 KINDS = ("LP", "PD")
 MARK: dict[str, Any] = {"ms": 3, "mfc": "white", "mec": "black", "mew": 0.6, "zorder": 4}
 
@@ -168,11 +183,16 @@ def plot(results: dict[str, Any]) -> Figure:
         ax.set_ylim(bottom=0)
     for ax in axes.flat[len(found) :]:
         ax.axis("off")
-    handles = [plt.Line2D([], [], color=draw.COLOURS[r], label=r.replace("_sided", "-sided").replace("_", " "))
-               for r in REGIMES if any(r in reading["curve"].regimes for reading in found.values())]  # fmt: skip
+    handles = [
+        plt.Line2D([], [], color=draw.COLOURS[r], label=r.replace("_sided", "-sided").replace("_", " "))
+        for r in REGIMES
+        if any(r in reading["curve"].regimes for reading in found.values())
+    ]
     handles.append(plt.Line2D([], [], color="#555555", ls="--", label="unstable"))
-    handles += [plt.Line2D([], [], ls="", marker=marker, label=text, **MARK)
-                for marker, text in (draw.MARKERS[kind] for kind in KINDS)]  # fmt: skip
+    handles += [
+        plt.Line2D([], [], ls="", marker=marker, label=text, **MARK)
+        for marker, text in (draw.MARKERS[kind] for kind in KINDS)
+    ]
     figure.legend(handles=handles, loc="outside upper center", ncols=6)
     figure.supxlabel(r"$\Omega = \omega_\mathrm{mesh}/\omega_n$ [-]", fontsize=10)
     figure.supylabel(r"half peak-to-peak of the gap $d/b_c$ [-]", fontsize=10)

@@ -77,9 +77,16 @@ def plot(cells: Sequence[Cell]) -> Figure:
         image = ax.imshow(count, origin="lower", aspect="auto", cmap="Blues", vmin=0, vmax=total)
         for i, j in np.argwhere(np.isfinite(count)).tolist():
             value = count[i, j]
-            ax.text(j, i, f"{value:.0f}", ha="center", va="center", fontsize=7,
-                    color="white" if value > total / 2 else "black",
-                    weight="bold" if value == total else "normal")  # fmt: skip
+            ax.text(
+                j,
+                i,
+                f"{value:.0f}",
+                ha="center",
+                va="center",
+                fontsize=7,
+                color="white" if value > total / 2 else "black",
+                weight="bold" if value == total else "normal",
+            )
         ax.set_xticks(range(len(torques)), [f"{torque:g}" for torque in torques], rotation=90)
         ax.set_yticks(range(len(angles)), [f"{phi:g}".replace("-", "\N{MINUS SIGN}") for phi in angles])
         ax.set(xlabel="torque of a half [N m]", title=f"helix angle at the {helix} circle")
@@ -97,8 +104,10 @@ def report(cells: Sequence[Cell]) -> str:
     lines += ["| helix angle at | phi [deg] | torque of a half [N m] | jumps | peak | regimes |", "|" + " --- |" * 6]
     for one in complete(cells):
         jumps = ", ".join(f"{x:.5f}" for x in one.case.jumps)
-        lines.append(f"| {one.helix} circle | {one.phi:g} | {one.torque:g} | {jumps} | {one.case.peak:.4f} at "
-                     f"{one.case.peak_at:.4f} | {', '.join(one.case.regimes)} |")  # fmt: skip
+        lines.append(
+            f"| {one.helix} circle | {one.phi:g} | {one.torque:g} | {jumps} | {one.case.peak:.4f} at "
+            f"{one.case.peak_at:.4f} | {', '.join(one.case.regimes)} |"
+        )
     return "\n".join([*lines, "", NOTE, ""])
 
 

@@ -59,9 +59,13 @@ def plot(motions: Sequence[tuple[str, hb.Point]], rig: Rig) -> Figure:
     """One panel for each motion (title, point), and below them the measured lines on the same axis."""
     count = len(motions)
     figure, axes = plt.subplots(
-        count + 1, 1, figsize=(6.4, 1.5 + 1.9 * count), sharex=True, layout="constrained",
+        count + 1,
+        1,
+        figsize=(6.4, 1.5 + 1.9 * count),
+        sharex=True,
+        layout="constrained",
         height_ratios=[*[1.0] * count, 0.3],
-    )  # fmt: skip
+    )
     for ax, (title, point) in zip(axes, motions, strict=False):
         _stems(ax, point)
         ax.set_title(title, loc="left")

@@ -13,9 +13,15 @@ from hbgear import plot as draw
 
 
 def response(
-    ax: Axes, curve: hb.Branch, measure: str, speed: Callable[[Any], Any], length: float, color: str, label: str,
+    ax: Axes,
+    curve: hb.Branch,
+    measure: str,
+    speed: Callable[[Any], Any],
+    length: float,
+    color: str,
+    label: str,
     element: int | str = 0,
-) -> None:  # fmt: skip
+) -> None:
     """A measure of the gap over a speed: stable solid, unstable dashed, jumps as arrows.
 
     Parameters

@@ -21,8 +21,11 @@ from studies import study
 from studies.gears import relief
 
 MESHES = ("teeth", "secant", "tangent")
-LOOKS = {"teeth": (study.BLUE, "pairs of teeth"), "secant": (study.ORANGE, "secant"),
-         "tangent": (study.PURPLE, "tangent")}  # fmt: skip
+LOOKS = {
+    "teeth": (study.BLUE, "pairs of teeth"),
+    "secant": (study.ORANGE, "secant"),
+    "tangent": (study.PURPLE, "tangent"),
+}
 AXES = {
     "relief": ("tip relief [μm]", (0.0, 5.0, 10.0, 12.0, 16.0, 20.0, 25.0)),
     "torque": ("torque of the pinion [N m]", (50.0, 100.0, 150.0, 300.0)),
@@ -116,17 +119,23 @@ def report(results: Sequence[Row]) -> str:
     ]
     for mesh in MESHES[1:]:
         some = [one for one in results if mesh in one.cases]
-        right = [f"({one.values['relief']:g} um, {one.values['torque']:g} N m, contact ratio {one.contact_ratio:.2f})"
-                 for one in some if one.right(mesh)]  # fmt: skip
+        right = [
+            f"({one.values['relief']:g} um, {one.values['torque']:g} N m, contact ratio {one.contact_ratio:.2f})"
+            for one in some
+            if one.right(mesh)
+        ]
         if some:
             found = ", ".join(right) or "none"
             missed = sum(bool(one.cases["teeth"].jumps) and not one.cases[mesh].jumps for one in some)
             false = sum(bool(one.cases[mesh].jumps) and not one.cases["teeth"].jumps for one in some)
             away = np.array([one.deviation(mesh) for one in some])
             span = f"{np.nanmin(away):+.1%} to {np.nanmax(away):+.1%}"
-            lines += [f"{mesh.capitalize()}: right in {len(right)} of {len(some)} cases: {found}. No jump in {missed} "
-                      f"cases in which the pairs of teeth jump, jumps in {false} in which they do not; the highest one "
-                      f"with rising speed is off by {span}.", ""]  # fmt: skip
+            lines += [
+                f"{mesh.capitalize()}: right in {len(right)} of {len(some)} cases: {found}. No jump in {missed} "
+                f"cases in which the pairs of teeth jump, jumps in {false} in which they do not; the highest one "
+                f"with rising speed is off by {span}.",
+                "",
+            ]
     head = ("relief [um]", "torque [N m]", "contact ratio", "mesh", "jumps at [r/min]", "dynamic factor", "right")
     lines += ["| " + " | ".join(head) + " |", "|" + " --- |" * len(head)]
     for one in results:

@@ -79,13 +79,22 @@ def plot(results: Sequence[Case]) -> Figure:
                 column[0], one.curve, "pp2", lambda w, f=hertz: f(w) / 1e3, length, color, element, element=element
             )
         if one.broken is not None:
-            response(column[0], one.broken, "pp2", lambda w, f=hertz: f(w) / 1e3, length, draw.BRANCHES[3],
-                     "sun-p1, symmetry broken", element="sun-p1")  # fmt: skip
+            response(
+                column[0],
+                one.broken,
+                "pp2",
+                lambda w, f=hertz: f(w) / 1e3,
+                length,
+                draw.BRANCHES[3],
+                "sun-p1, symmetry broken",
+                element="sun-p1",
+            )
         for dof, color, what in (("x_sun", draw.BRANCHES[2], "sideways"), ("u_sun", draw.BRANCHES[5], "turning")):
             f, rms = hertz(one.curve.values) / 1e3, one.curve.amplitude("rms", dof=dof) * length
             for stable, style in ((one.curve.stable, "-"), (~one.curve.stable, "--")):
-                column[1].plot(f, np.where(stable, rms, np.nan), style, color=color, lw=1.3,
-                               label=what if style == "-" else None)  # fmt: skip
+                column[1].plot(
+                    f, np.where(stable, rms, np.nan), style, color=color, lw=1.3, label=what if style == "-" else None
+                )
         column[0].set_title(f"{one.name}: {', '.join(map(str, TEETH[one.name]))} teeth")
         column[1].set_xlabel("frequency of the teeth [kHz]")
         column[0].legend(loc="upper left")
@@ -107,8 +116,10 @@ def report(results: Sequence[Case]) -> str:
     ]
     for one in results:
         teeth = ", ".join(map(str, TEETH[one.name]))
-        lines.append(f"| {one.name} | {teeth} | {', '.join(one.jumps)} | {one.largest('x_sun'):.3f} "
-                     f"| {one.largest('u_sun'):.3f} | {one.confirmed} |")  # fmt: skip
+        lines.append(
+            f"| {one.name} | {teeth} | {', '.join(one.jumps)} | {one.largest('x_sun'):.3f} "
+            f"| {one.largest('u_sun'):.3f} | {one.confirmed} |"
+        )
     return "\n".join([*lines, ""])
 
 

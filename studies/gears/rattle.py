@@ -85,8 +85,17 @@ def case(drag: float, count: int) -> Case:
     last = float(np.sqrt(max(squares.real)))
     curve = hb.trace(hb.HarmonicBalance(model, 12), "Omega", (last + 0.3, last - 0.1), stability=False)
     grazing = [point.parameters["Omega"] for point in curve.special if point.kind == "GR"]
-    return Case(drag, rpm, (found.max[:, 0] - 1.0) * scales.force, found.pp2[:, 0] * scales.length * 1e6, found.period,
-                model.F_m * scales.force, ratio, max(grazing), last)  # fmt: skip
+    return Case(
+        drag,
+        rpm,
+        (found.max[:, 0] - 1.0) * scales.force,
+        found.pp2[:, 0] * scales.length * 1e6,
+        found.period,
+        model.F_m * scales.force,
+        ratio,
+        max(grazing),
+        last,
+    )
 
 
 def run(quick: bool = False) -> tuple[Case, ...]:
@@ -99,17 +108,19 @@ def plot(results: Sequence[Case]) -> Figure:
     figure, (top, low) = plt.subplots(2, 1, figsize=(6.6, 5.6), sharex=True, layout="constrained")
     for c, color in zip(results, (study.BLUE, study.ORANGE, study.PURPLE, study.GREEN), strict=False):
         looks: tuple[tuple[np.ndarray, dict[str, str]], ...] = (
-            (c.period == 1, {"marker": "o"}), (c.period > 1, {"marker": "o", "mfc": "white"}),
+            (c.period == 1, {"marker": "o"}),
+            (c.period > 1, {"marker": "o", "mfc": "white"}),
             (c.period == 0, {"marker": "x"}),
-        )  # fmt: skip
+        )
         for ax, y in ((top, c.force), (low, c.travel)):
             ax.plot(c.rpm, y, "-", color=color, lw=0.7)
             for which, look in looks:
                 ax.plot(c.rpm[which], y[which], linestyle="none", ms=3.5, color=color, **look)
         top.plot([], [], "o-", color=color, ms=3.5, label=f"drag {c.drag:g} N m, mean force {c.static:.0f} N")
     low.axhline(HALF_BACKLASH, color=study.GREY, lw=0.8, ls="--")
-    low.annotate("half of the backlash", (SPEEDS[1], HALF_BACKLASH), (0, -11), textcoords="offset points", fontsize=8,
-                 ha="right")  # fmt: skip
+    low.annotate(
+        "half of the backlash", (SPEEDS[1], HALF_BACKLASH), (0, -11), textcoords="offset points", fontsize=8, ha="right"
+    )
     top.set(ylabel="largest mesh force [N]")
     low.set(xlabel="speed of the pinion [r/min]", ylabel=r"half peak-to-peak of $x$ [$\mu$m]", yscale="log")
     top.legend(loc="best")
@@ -128,8 +139,10 @@ def report(results: Sequence[Case]) -> str:
     ]
     for c in results:
         i, wild = int(np.argmax(c.force)), int(np.sum(c.period == 0))
-        lines.append(f"| {c.drag:g} | {c.ratio:.2f} | {c.static:.0f} | {c.force[i]:.0f} | {c.rpm[i]:.0f} | {wild} of "
-                     f"{len(c.rpm)} | {c.contact:.6f} | {c.closed_form:.6f} |")  # fmt: skip
+        lines.append(
+            f"| {c.drag:g} | {c.ratio:.2f} | {c.static:.0f} | {c.force[i]:.0f} | {c.rpm[i]:.0f} | {wild} of "
+            f"{len(c.rpm)} | {c.contact:.6f} | {c.closed_form:.6f} |"
+        )
     return "\n".join(lines) + "\n"
 
 

@@ -60,10 +60,16 @@ class Case:
 def pair(relief: float, addendum: float = 1.0) -> hb.GearPair:
     """The drawing, with a relief [um] and an addendum [module]."""
     gears = (
-        hb.gears.Gear(teeth=z, module="3 mm", face_width="20 mm", tip_relief=relief * 1e-6, addendum=addendum,
-                      dedendum=addendum + 0.25)
+        hb.gears.Gear(
+            teeth=z,
+            module="3 mm",
+            face_width="20 mm",
+            tip_relief=relief * 1e-6,
+            addendum=addendum,
+            dedendum=addendum + 0.25,
+        )
         for z in (25, 40)
-    )  # fmt: skip
+    )
     return hb.GearPair(*gears, backlash="80 um")
 
 
@@ -111,10 +117,23 @@ def plot(results: Sequence[Case]) -> Figure:
     for torque, color, marker in zip(TORQUES, (study.BLUE, study.ORANGE), "os", strict=True):
         here = [c for c in results if c.torque == torque]
         if here:
-            axes[1, 0].plot([c.relief for c in here], [c.factor for c in here], marker + "-", ms=4, color=color,
-                            label=f"{torque:g} N m")  # fmt: skip
-            axes[1, 0].plot([c.relief for c in here], [c.pair_factor for c in here], marker + ":", ms=3, color=color,
-                            mfc="white", label=f"{torque:g} N m, pair of teeth")  # fmt: skip
+            axes[1, 0].plot(
+                [c.relief for c in here],
+                [c.factor for c in here],
+                marker + "-",
+                ms=4,
+                color=color,
+                label=f"{torque:g} N m",
+            )
+            axes[1, 0].plot(
+                [c.relief for c in here],
+                [c.pair_factor for c in here],
+                marker + ":",
+                ms=3,
+                color=color,
+                mfc="white",
+                label=f"{torque:g} N m, pair of teeth",
+            )
         for c in here:
             for rpm, direction in c.jumps:
                 axes[1, 1].plot(c.relief, rpm, "^" if direction > 0 else "v", ms=5, color=color, mfc="white")
@@ -153,9 +172,11 @@ def report(results: Sequence[Case]) -> str:
     ]
     for c in results:
         jumps = ", ".join(f"{rpm:.0f}{'+' if way > 0 else '-'}" for rpm, way in c.jumps) or "none"
-        lines.append(f"| {c.torque:g} | {c.relief:g} | {c.ripple:.2f} | {jumps} | {c.factor:.2f} | "
-                     f"{'-' if np.isnan(c.speed) else f'{c.speed:.0f}'} "
-                     f"| {c.pair_factor:.2f} |")  # fmt: skip
+        lines.append(
+            f"| {c.torque:g} | {c.relief:g} | {c.ripple:.2f} | {jumps} | {c.factor:.2f} | "
+            f"{'-' if np.isnan(c.speed) else f'{c.speed:.0f}'} "
+            f"| {c.pair_factor:.2f} |"
+        )
     return "\n".join([*lines, ""])
 
 

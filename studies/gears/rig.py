@@ -61,8 +61,9 @@ def run(quick: bool = False) -> Results:
         "from the drawing": hb.gears.DoubleHelicalPair(torque=TORQUE, k_mean=k_mean, eps=(), stiffness=stiffness, e=()),
     }
     H, span = (6, (1.6, 0.6)) if quick else (16, (1.6, 0.03))
-    return Results(half, cycle, {name: hb.trace(hb.HarmonicBalance(one, H), "Omega", span)
-                                 for name, one in models.items()})  # fmt: skip
+    return Results(
+        half, cycle, {name: hb.trace(hb.HarmonicBalance(one, H), "Omega", span) for name, one in models.items()}
+    )
 
 
 def line(curve: hb.Branch, speed: float, order: int) -> float:
@@ -82,16 +83,24 @@ def plot(results: Results) -> Figure:
         model: Any = curve.problem.model
         left.plot(tau / (2 * np.pi), model.k_mean * model.mesh_stiffness(tau) / 1e9, color=color, label=name)
         right.plot(model.pinion_speed(curve.values), curve.amplitude("pp2") * model.b_c * 1e6, color=color, label=name)
-    left.axhline(iso_stiffness(results.pair).mesh * results.pair.face_width / 1e9, ls=":", color=draw.GREY,
-                 label="ISO 6336-1, mean")  # fmt: skip
+    left.axhline(
+        iso_stiffness(results.pair).mesh * results.pair.face_width / 1e9,
+        ls=":",
+        color=draw.GREY,
+        label="ISO 6336-1, mean",
+    )
     left.set(xlabel="mesh cycles [-]", ylabel=r"$k$ of one half [$10^9$ N/m]", ylim=(0, None))
     left.legend(loc="lower right")
     for test in RIG:
         right.axvline(
             test.speed, color=draw.GREY, lw=0.8, ls="--", label="speeds of the tests" if test is RIG[0] else None
         )
-    right.set(xlabel="speed of the pinion [r/min]", ylabel=r"half peak-to-peak of $d_L$ [$\mu$m]", yscale="log",
-              xlim=(0, None))  # fmt: skip
+    right.set(
+        xlabel="speed of the pinion [r/min]",
+        ylabel=r"half peak-to-peak of $d_L$ [$\mu$m]",
+        yscale="log",
+        xlim=(0, None),
+    )
     right.legend(loc="lower right")
     return figure
 
@@ -102,8 +111,10 @@ def report(results: Results) -> str:
     k, half = results.cycle.stiffness, results.pair
     row = k.function().row(3) / k.mean
     eps = np.hypot(row[1::2], row[2::2])
-    peaks = {name: float(curve.problem.model.pinion_speed(curve.values[np.argmax(curve.amplitude("pp2"))]))
-             for name, curve in results.curves.items()}  # fmt: skip
+    peaks = {
+        name: float(curve.problem.model.pinion_speed(curve.values[np.argmax(curve.amplitude("pp2"))]))
+        for name, curve in results.curves.items()
+    }
     iso = iso_stiffness(half).mesh * half.face_width
     assumed: Any = published.problem.model
     lines = [
@@ -125,8 +136,10 @@ def report(results: Results) -> str:
     for test in RIG:
         for found in test.lines:
             order = round(found / test.mesh)
-            heights = " | ".join("-" if np.isnan(x) else f"{x:.3g}" for x in
-                                 (line(one, test.speed, order) for one in (drawing, published)))  # fmt: skip
+            heights = " | ".join(
+                "-" if np.isnan(x) else f"{x:.3g}"
+                for x in (line(one, test.speed, order) for one in (drawing, published))
+            )
             lines.append(f"| {test.speed:g} | {found:g} | {order} | {found - order * test.mesh:+.1f} | {heights} |")
     lines += [
         "",

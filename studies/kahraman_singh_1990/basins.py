@@ -67,8 +67,16 @@ def plot(results: Results) -> Figure:
     for corner in (-PAIR.b, PAIR.b):
         name = r"corners $x = \pm b$" if corner > 0 else "_"
         ax.axvline(corner, color="#444444", lw=0.8, ls=":", zorder=2, label=name)
-    ax.plot(*results.points[~results.stable].T, "X", ms=7, color="black", mec="white", mew=0.6, zorder=6,
-            label="unstable motion")  # fmt: skip
+    ax.plot(
+        *results.points[~results.stable].T,
+        "X",
+        ms=7,
+        color="black",
+        mec="white",
+        mew=0.6,
+        zorder=6,
+        label="unstable motion",
+    )
     draw.basins(results.found, ax)
     ax.set_title(rf"$F_{{ah}}/F_m = {PAIR.e[0] / PAIR.F_m:g}$, $F_m = {PAIR.F_m:g}$, $\Omega = {OMEGA}$", loc="left")
     ax.set(title="", xlabel=r"$x$ at $\tau = 0$ [-]", ylabel=r"$x'$ at $\tau = 0$ [-]")

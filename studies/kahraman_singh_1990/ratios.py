@@ -146,8 +146,11 @@ def _falls(ax: Axes, branch: hb.Branch, curve: hb.Branch) -> None:
 def _handles(results: Sequence[Case]) -> list[Line2D]:
     """One entry for each colour, line and symbol in the figure."""
     seen = {name for found in results for name in found.curve.regimes}
-    out = [Line2D([], [], color=c, lw=1.4, label=name.replace("_sided", "-sided").replace("_", " "))
-           for name, c in draw.COLOURS.items() if name in seen]  # fmt: skip
+    out = [
+        Line2D([], [], color=c, lw=1.4, label=name.replace("_sided", "-sided").replace("_", " "))
+        for name, c in draw.COLOURS.items()
+        if name in seen
+    ]
     periods = {longer.order(branch) for found in results for branch in found.longer}
     out += [Line2D([], [], color=PERIODS[nu], lw=1.4, label=f"{NAMES[nu]} periods") for nu in sorted(periods)]
     out.append(Line2D([], [], color="#555555", ls="--", lw=1.2, label="unstable"))
@@ -165,15 +168,21 @@ def _handles(results: Sequence[Case]) -> list[Line2D]:
 
 def report(results: Sequence[Case]) -> str:
     """Frequencies of contact loss, folds and period doublings; branches of longer periods; sweeps. In Markdown."""
-    lines = ["| F_ah/F_m | F_m | contact lost, closed form | contact lost, curve | folds | period doubling |",
-             "| --- | --- | --- | --- | --- | --- |"]  # fmt: skip
+    lines = [
+        "| F_ah/F_m | F_m | contact lost, closed form | contact lost, curve | folds | period doubling |",
+        "| --- | --- | --- | --- | --- | --- |",
+    ]
     for found in results:
         loss = [", ".join(f"{r:.6f}" for r in values) for values in (found.closed, found.traced)]
         cells = [found.name, *loss, frequencies(found.curve, "LP"), frequencies(found.curve, "PD")]
         lines.append("| " + " | ".join(cells) + " |")
-    lines += ["", "Motions of longer periods:", "",
-              "| F_ah/F_m | F_m | periods | branch | stable in Omega | folds | period doubling |",
-              "| --- | --- | --- | --- | --- | --- | --- |"]  # fmt: skip
+    lines += [
+        "",
+        "Motions of longer periods:",
+        "",
+        "| F_ah/F_m | F_m | periods | branch | stable in Omega | folds | period doubling |",
+        "| --- | --- | --- | --- | --- | --- | --- |",
+    ]
     for found in results:
         for branch in found.branches[1:]:
             where = ", ".join(f"{low:.5f}-{high:.5f}" for low, high in stable(branch)) or "nowhere"
@@ -203,8 +212,10 @@ def stable(branch: hb.Branch) -> list[tuple[float, float]]:
 
 def _sweeps(results: Sequence[Case]) -> list[str]:
     """What the sweeps settled on, and the Lyapunov exponents where they did not."""
-    lines = ["| F_ah/F_m | F_m | sweep | settled | of these on a branch | not settled at Omega | Lyapunov exponents |",
-             "| --- | --- | --- | --- | --- | --- | --- |"]  # fmt: skip
+    lines = [
+        "| F_ah/F_m | F_m | sweep | settled | of these on a branch | not settled at Omega | Lyapunov exponents |",
+        "| --- | --- | --- | --- | --- | --- | --- |",
+    ]
     for found in results:
         for s in found.sweeps:
             rows = np.flatnonzero(s.settled)

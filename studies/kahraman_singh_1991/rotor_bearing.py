@@ -67,8 +67,11 @@ def plot(results: Results) -> Figure:
 
 def _handles(curve: hb.Branch) -> list[Line2D]:
     """One entry for each colour, line and symbol in the figure."""
-    out = [Line2D([], [], color=draw.COLOURS[name], lw=1.4, label=name.replace("_sided", "-sided").replace("_", " "))
-           for name in draw.COLOURS if name in curve.regimes]  # fmt: skip
+    out = [
+        Line2D([], [], color=draw.COLOURS[name], lw=1.4, label=name.replace("_sided", "-sided").replace("_", " "))
+        for name in draw.COLOURS
+        if name in curve.regimes
+    ]
     out.append(Line2D([], [], color="#555555", ls="--", lw=1.2, label="unstable"))
     kinds = {point.kind for point in curve.special}
     for kind, (marker, name) in draw.MARKERS.items():

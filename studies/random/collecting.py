@@ -177,8 +177,9 @@ def collect(traced: Mapping[str, int], compared: Mapping[str, int], processes: i
 
     store : folder of results, None to store nothing. A larger run finds the results of a smaller one.
     """
-    tasks = [(kind, first, min(25, count - first), False) for kind, count in traced.items()
-             for first in range(0, count, 25)]  # fmt: skip
+    tasks = [
+        (kind, first, min(25, count - first), False) for kind, count in traced.items() for first in range(0, count, 25)
+    ]
     tasks += [(kind, i, 1, True) for kind, count in compared.items() for i in range(count)]
     begun, known = time.perf_counter(), {task: _stored(store, task) for task in tasks}
     todo = [task for task in tasks if known[task] is None]

@@ -77,12 +77,17 @@ def bearings(random: np.random.Generator, extreme: bool) -> tuple[hb.mechanics.M
     ratios = (0.02, 1.5) if extreme else (0.1, 0.5)
     model = hb.gears.GearRotorBearing(
         **_mesh(random, extreme),  # type: ignore[arg-type]
-        zeta_1=logarithmic(random, 0.005, 0.1), zeta_2=logarithmic(random, 0.005, 0.1),
-        kappa_1=logarithmic(random, 0.2, 6.0), kappa_2=logarithmic(random, 0.2, 6.0),
-        mu_1=logarithmic(random, *ratios), mu_2=logarithmic(random, *ratios),
-        F_1=random.uniform(0.02, 0.4), F_2=random.uniform(0.02, 0.4),
-        b_1=random.uniform(0.0, 1.5), b_2=random.uniform(0.0, 1.5),
-    )  # fmt: skip
+        zeta_1=logarithmic(random, 0.005, 0.1),
+        zeta_2=logarithmic(random, 0.005, 0.1),
+        kappa_1=logarithmic(random, 0.2, 6.0),
+        kappa_2=logarithmic(random, 0.2, 6.0),
+        mu_1=logarithmic(random, *ratios),
+        mu_2=logarithmic(random, *ratios),
+        F_1=random.uniform(0.02, 0.4),
+        F_2=random.uniform(0.02, 0.4),
+        b_1=random.uniform(0.0, 1.5),
+        b_2=random.uniform(0.0, 1.5),
+    )
     return model, (2.0, 0.3)
 
 
@@ -116,8 +121,11 @@ def _law(random: np.random.Generator, extreme: bool) -> hb.mechanics.Law:
 
 
 PAIRS: dict[str, Callable[[np.random.Generator, bool], tuple[hb.mechanics.Model, Span]]] = {
-    "spur": spur, "helical": helical, "bearings": bearings, "two": two,
-}  # fmt: skip
+    "spur": spur,
+    "helical": helical,
+    "bearings": bearings,
+    "two": two,
+}
 """Ways to draw a machine of this module."""
 
 KINDS = {**PAIRS, **STRUCTURES}

@@ -102,6 +102,10 @@ def rotor(random: np.random.Generator) -> Drawn:
 
 
 KINDS: dict[str, Callable[[np.random.Generator], Drawn]] = {
-    "chain": chain, "stops": stops, "rectangular": rectangular, "mixed": mixed, "rotor": rotor,
-}  # fmt: skip
+    "chain": chain,
+    "stops": stops,
+    "rectangular": rectangular,
+    "mixed": mixed,
+    "rotor": rotor,
+}
 """Ways to draw a machine."""

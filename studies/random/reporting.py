@@ -15,12 +15,26 @@ from studies.random.collecting import Results
 from studies.random.truth import ComparedPoint
 
 TITLES = {
-    "spur": "spur pairs", "helical": "double-helical pairs", "bearings": "pairs on bearings", "two": "two masses",
-    "stops": "unequal stops", "touching": "stops at gap 0", "preloaded": "preload", "stepped": "stepped stiffness",
-    "cubic": "cubic and backlash", "python": "laws in Python", "compiled": "compiled laws", "friction": "tanh friction",
-    "impacts": "two contacts", "chain": "three masses", "gyroscopic": "gyroscopic", "engine": "engine chains",
-    "train": "trains", "planetary": "planetary sets", "drawing": "drawings",
-}  # fmt: skip
+    "spur": "spur pairs",
+    "helical": "double-helical pairs",
+    "bearings": "pairs on bearings",
+    "two": "two masses",
+    "stops": "unequal stops",
+    "touching": "stops at gap 0",
+    "preloaded": "preload",
+    "stepped": "stepped stiffness",
+    "cubic": "cubic and backlash",
+    "python": "laws in Python",
+    "compiled": "compiled laws",
+    "friction": "tanh friction",
+    "impacts": "two contacts",
+    "chain": "three masses",
+    "gyroscopic": "gyroscopic",
+    "engine": "engine chains",
+    "train": "trains",
+    "planetary": "planetary sets",
+    "drawing": "drawings",
+}
 """Names of the kinds of machines in figures and tables."""
 
 
@@ -71,10 +85,21 @@ def _times(ax: Axes, results: Results) -> None:
     """Draw the cumulative share of machines over the time of their trace."""
     for i, kind in enumerate(_kinds(results)):
         seconds = np.sort([one.seconds for one in _of_kind(results.ended, kind)])
-        ax.step(seconds, 100 * np.arange(1, len(seconds) + 1) / max(len(seconds), 1), where="post",
-                color=COLOURS[i % 5], linestyle=STYLES[i // 5], label=TITLES[kind])  # fmt: skip
-    ax.set(xscale="log", xlabel="time of the trace, one core [s]", ylabel="share of machines [%]", ylim=(0, 101),
-           title="time of a default call")  # fmt: skip
+        ax.step(
+            seconds,
+            100 * np.arange(1, len(seconds) + 1) / max(len(seconds), 1),
+            where="post",
+            color=COLOURS[i % 5],
+            linestyle=STYLES[i // 5],
+            label=TITLES[kind],
+        )
+    ax.set(
+        xscale="log",
+        xlabel="time of the trace, one core [s]",
+        ylabel="share of machines [%]",
+        ylim=(0, 101),
+        title="time of a default call",
+    )
     _below(ax)
 
 
@@ -88,10 +113,20 @@ def _errors(ax: Axes, results: Results) -> None:
     for kind, colour in zip(MARKERS, COLOURS, strict=True):
         errors = np.sort([max(p.error, 1e-12) for p in points if p.kind == kind])
         if errors.size:
-            ax.step(errors, 100 * np.arange(1, len(errors) + 1) / len(errors), where="post", color=colour,
-                    label=f"{kind} ({len(errors)})")  # fmt: skip
-    ax.set(xscale="log", xlabel=r"true error of $\Omega$ [-]", ylabel="share of special points [%]", ylim=(0, 101),
-           title="special points against shooting")  # fmt: skip
+            ax.step(
+                errors,
+                100 * np.arange(1, len(errors) + 1) / len(errors),
+                where="post",
+                color=colour,
+                label=f"{kind} ({len(errors)})",
+            )
+    ax.set(
+        xscale="log",
+        xlabel=r"true error of $\Omega$ [-]",
+        ylabel="share of special points [%]",
+        ylim=(0, 101),
+        title="special points against shooting",
+    )
     _below(ax)
 
 
@@ -104,28 +139,56 @@ def _stated(ax: Axes, results: Results) -> None:
         x, y = ([max(v, low) for v in values] for values in ([p.stated for p in some], [p.error for p in some]))
         ax.plot(x, y, marker, color=study.BLUE, markersize=3, markerfacecolor="none", label=kind, linestyle="none")
     for times, style in ((1, "-"), (3, "--"), (10, ":")):
-        ax.plot([low, high], [times * low, times * high], style, color="black", linewidth=0.8,
-                label="equal" if times == 1 else f"{times} times")  # fmt: skip
-    ax.set(xscale="log", yscale="log", xlim=(low, high), ylim=(low, high), xlabel="stated error [-]",
-           ylabel=r"true error of $\Omega$ [-]", title="stated and true errors")  # fmt: skip
+        ax.plot(
+            [low, high],
+            [times * low, times * high],
+            style,
+            color="black",
+            linewidth=0.8,
+            label="equal" if times == 1 else f"{times} times",
+        )
+    ax.set(
+        xscale="log",
+        yscale="log",
+        xlim=(low, high),
+        ylim=(low, high),
+        xlabel="stated error [-]",
+        ylabel=r"true error of $\Omega$ [-]",
+        title="stated and true errors",
+    )
     ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.17), ncols=4, handlelength=1.4, columnspacing=1.0)
 
 
 def _verdicts(ax: Axes, results: Results) -> None:
     """Draw the distance of the largest multiplier from the unit circle; wrong points are in the shaded quadrants."""
     rows = [v for one in results.compared for v in one.verdicts]
-    groups = (("right", [v for v in rows if v.stable is not None and not v.wrong], ".", study.BLUE),
-              ("undecided", [v for v in rows if v.stable is None], "s", study.ORANGE),
-              ("wrong", [v for v in rows if v.wrong], "x", "#c00000"))  # fmt: skip
+    groups = (
+        ("right", [v for v in rows if v.stable is not None and not v.wrong], ".", study.BLUE),
+        ("undecided", [v for v in rows if v.stable is None], "s", study.ORANGE),
+        ("wrong", [v for v in rows if v.wrong], "x", "#c00000"),
+    )
     for x in ((-1, 0, 0, 1), (0, 1, -1, 0)):
         ax.fill_between(x[:2], x[2], x[3], color="#eeeeee", linewidth=0)
     for label, some, marker, colour in groups:
-        ax.plot([v.reported - 1 for v in some], [v.true - 1 for v in some], marker, color=colour, markersize=4,
-                markerfacecolor="none", linestyle="none", label=f"{label} ({len(some)})")  # fmt: skip
+        ax.plot(
+            [v.reported - 1 for v in some],
+            [v.true - 1 for v in some],
+            marker,
+            color=colour,
+            markersize=4,
+            markerfacecolor="none",
+            linestyle="none",
+            label=f"{label} ({len(some)})",
+        )
     for set_scale in (ax.set_xscale, ax.set_yscale):
         set_scale("symlog", linthresh=1e-6)
-    ax.set(xlim=(-1, 1), ylim=(-1, 1), xlabel=r"$|\mu|_\mathrm{max} - 1$ of the curve", title="stability",
-           ylabel=r"$|\mu|_\mathrm{max} - 1$ by shooting")  # fmt: skip
+    ax.set(
+        xlim=(-1, 1),
+        ylim=(-1, 1),
+        xlabel=r"$|\mu|_\mathrm{max} - 1$ of the curve",
+        title="stability",
+        ylabel=r"$|\mu|_\mathrm{max} - 1$ by shooting",
+    )
     ticks = [-1e-1, -1e-3, -1e-5, 0, 1e-5, 1e-3, 1e-1]
     ax.set_xticks(ticks)
     ax.set_yticks(ticks)
@@ -136,12 +199,22 @@ def _landings(ax: Axes, results: Results) -> None:
     """Draw the size of the motion after each jump, of the curve and integrated."""
     jumps = [j for one in results.compared for j in one.jumps]
     sure = [j for j in jumps if j.sure]
-    groups = (("equal", [j for j in sure if j.right], "o", study.BLUE),
-              ("indeterminate or slow", [j for j in jumps if j not in sure], "s", study.ORANGE),
-              ("elsewhere", [j for j in sure if not j.right], "x", "#c00000"))  # fmt: skip
+    groups = (
+        ("equal", [j for j in sure if j.right], "o", study.BLUE),
+        ("indeterminate or slow", [j for j in jumps if j not in sure], "s", study.ORANGE),
+        ("elsewhere", [j for j in sure if not j.right], "x", "#c00000"),
+    )
     for label, some, marker, colour in groups:
-        ax.plot([j.reported for j in some], [j.true for j in some], marker, color=colour, markersize=4,
-                markerfacecolor="none", linestyle="none", label=f"{label} ({len(some)})")  # fmt: skip
+        ax.plot(
+            [j.reported for j in some],
+            [j.true for j in some],
+            marker,
+            color=colour,
+            markersize=4,
+            markerfacecolor="none",
+            linestyle="none",
+            label=f"{label} ({len(some)})",
+        )
     ax.axline((1, 1), (2, 2), color="black", linewidth=0.8, zorder=0)
     ax.set(
         xscale="log",
@@ -178,8 +251,17 @@ def report(results: Results) -> str:
         count, seconds = Counter(one.status for one in some), [one.seconds for one in some] or [np.nan]
         failed = sum(one.points == 0 for one in some)
         wrong = sum(bool(one.contradictions) and one.points > 0 for one in some)
-        rows.append([TITLES[kind], len(some), *(count[s] for s in _statuses(results)), failed, wrong,
-                     f"{np.median(seconds):.2f}", f"{np.max(seconds):.1f}"])  # fmt: skip
+        rows.append(
+            [
+                TITLES[kind],
+                len(some),
+                *(count[s] for s in _statuses(results)),
+                failed,
+                wrong,
+                f"{np.median(seconds):.2f}",
+                f"{np.max(seconds):.1f}",
+            ]
+        )
     lines = [_row(row) for row in rows]
     lines += ["", f"{len(results.compared)} machines are compared with shooting. Errors refer to Omega.", ""]
     lines += [_row(row) for row in _points(results)]
@@ -189,17 +271,29 @@ def report(results: Results) -> str:
     sure = [j for j in jumps if j.sure]
     astray = [j for j in sure if not j.right]
     undecided, unsure = sum(v.stable is None for v in verdicts), len(jumps) - len(sure)
-    lines += ["", f"The stability of {len(verdicts)} points is compared: {len(wrong_ones)} are wrong and {undecided} "
-              f"undecided. Of {len(jumps)} jumps, {unsure} of them reported as indeterminate or slow, {len(astray)} "
-              f"land elsewhere. {results.seconds / 60:.0f} min of one core."]  # fmt: skip
+    lines += [
+        "",
+        f"The stability of {len(verdicts)} points is compared: {len(wrong_ones)} are wrong and {undecided} "
+        f"undecided. Of {len(jumps)} jumps, {unsure} of them reported as indeterminate or slow, {len(astray)} "
+        f"land elsewhere. {results.seconds / 60:.0f} min of one core.",
+    ]
     lines += ["", "Deviations by machine (kind:number):", ""]
     lines += [f"* {one.machine}: {one.status}; {one.contradictions}" for one in results.ended if one.contradictions]
-    lines += [f"* {p.machine}: {p.kind} {_text(p)}" for one in results.compared for p in one.points
-              if not np.isfinite(p.error)]  # fmt: skip
-    lines += [f"* {v.machine}: {'stable' if v.stable else 'unstable'} at {v.Omega:.7g}, with |mu| = {v.reported:.6f}; "
-              f"it is {v.true:.6f}" for v in wrong_ones]  # fmt: skip
-    lines += [f"* {j.machine}: {j.label} at {j.Omega:.6g} lands on rms {j.true:.4g}, not {j.reported:.4g}. {j.note}"
-              for j in astray]  # fmt: skip
+    lines += [
+        f"* {p.machine}: {p.kind} {_text(p)}"
+        for one in results.compared
+        for p in one.points
+        if not np.isfinite(p.error)
+    ]
+    lines += [
+        f"* {v.machine}: {'stable' if v.stable else 'unstable'} at {v.Omega:.7g}, with |mu| = {v.reported:.6f}; "
+        f"it is {v.true:.6f}"
+        for v in wrong_ones
+    ]
+    lines += [
+        f"* {j.machine}: {j.label} at {j.Omega:.6g} lands on rms {j.true:.4g}, not {j.reported:.4g}. {j.note}"
+        for j in astray
+    ]
     return "\n".join([*(line.rstrip() for line in lines), ""])
 
 
@@ -219,8 +313,18 @@ def _statuses(results: Results) -> list[str]:
 
 def _points(results: Results) -> list[list[Any]]:
     """Return the table of special points by their kind."""
-    head = ["kind", "compared", "by shooting", "false", "missing", "median error", "95 %", "largest",
-            "below 3 x stated", "below 10 x"]  # fmt: skip
+    head = [
+        "kind",
+        "compared",
+        "by shooting",
+        "false",
+        "missing",
+        "median error",
+        "95 %",
+        "largest",
+        "below 3 x stated",
+        "below 10 x",
+    ]
     rows = [head, ["---"] * len(head)]
     every = [p for one in results.compared for p in one.points]
     for kind in MARKERS:
@@ -231,7 +335,15 @@ def _points(results: Results) -> list[list[Any]]:
         errors = [p.error for p in known] or [np.nan]
         ratio = np.array([p.error / max(p.stated, 1e-9) for p in known if np.isfinite(p.stated)] or [np.nan])
         false, missing = sum(bool(np.isnan(p.true)) for p in some), sum(bool(np.isnan(p.Omega)) for p in some)
-        rows.append([kind, len(some), sum(p.by == "shooting" for p in some), false, missing,
-                     *(f"{x:.0e}" for x in np.percentile(errors, (50, 95, 100))),
-                     *(f"{100 * np.mean(ratio < times):.1f} %" for times in (3, 10))])  # fmt: skip
+        rows.append(
+            [
+                kind,
+                len(some),
+                sum(p.by == "shooting" for p in some),
+                false,
+                missing,
+                *(f"{x:.0e}" for x in np.percentile(errors, (50, 95, 100))),
+                *(f"{100 * np.mean(ratio < times):.1f} %" for times in (3, 10)),
+            ]
+        )
     return rows

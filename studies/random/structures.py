@@ -201,11 +201,13 @@ def impacts(random: np.random.Generator, extreme: bool) -> Drawn:
     C = (0.2 if extreme else 1.0) * (logarithmic(random, 0.02, 0.08) * K + logarithmic(random, 0.01, 0.06) * M)
     stiff = 100.0 if extreme else 20.0
     elements = [
-        hb.Element([1.0, -1.0], hb.Unilateral(k=logarithmic(random, 0.5, stiff), gap=random.uniform(0.1, 0.8)),
-                   name="between"),
-        hb.Element([0.0, 1.0], hb.Unilateral(k=logarithmic(random, 0.5, stiff), gap=random.uniform(0.1, 0.8)),
-                   name="stop"),
-    ]  # fmt: skip
+        hb.Element(
+            [1.0, -1.0], hb.Unilateral(k=logarithmic(random, 0.5, stiff), gap=random.uniform(0.1, 0.8)), name="between"
+        ),
+        hb.Element(
+            [0.0, 1.0], hb.Unilateral(k=logarithmic(random, 0.5, stiff), gap=random.uniform(0.1, 0.8)), name="stop"
+        ),
+    ]
     load = hb.Load(cosine={1: [logarithmic(random, 0.05, 0.5), 0.0]})
     return hb.System(M, C, K, elements, load), (2.2, 0.3)
 
@@ -218,9 +220,11 @@ def chain(random: np.random.Generator, extreme: bool) -> Drawn:
     C = (0.2 if extreme else 1.0) * (logarithmic(random, 0.005, 0.03) * K + logarithmic(random, 0.005, 0.06) * M)
     ways = np.array([[1.0, -1.0, 0.0], [0.0, 1.0, -1.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
     some = random.choice(4, size=int(random.integers(1, 3)), replace=False)
-    laws = [hb.Backlash(b=random.uniform(0.1, 1.0), k=logarithmic(random, 0.3, 100.0 if extreme else 20.0)),
-            hb.Unilateral(k=logarithmic(random, 0.3, 100.0 if extreme else 20.0), gap=random.uniform(0.1, 1.0)),
-            hb.Cubic(logarithmic(random, 0.05, 3.0))]  # fmt: skip
+    laws = [
+        hb.Backlash(b=random.uniform(0.1, 1.0), k=logarithmic(random, 0.3, 100.0 if extreme else 20.0)),
+        hb.Unilateral(k=logarithmic(random, 0.3, 100.0 if extreme else 20.0), gap=random.uniform(0.1, 1.0)),
+        hb.Cubic(logarithmic(random, 0.05, 3.0)),
+    ]
     elements = [hb.Element(ways[i], laws[int(random.integers(3))], name=f"element {j + 1}") for j, i in enumerate(some)]
     force = logarithmic(random, 0.03, 0.5) * np.eye(3)[int(random.integers(3))]
     return hb.System(M, C, K, elements, hb.Load(cosine={1: force})), (2.5, 0.3)
@@ -284,8 +288,10 @@ def train(random: np.random.Generator, extreme: bool) -> Drawn:
         for one, two in (("a", "b"), ("b", "c"))
     ]
     torque = gap * meshes[0].k_mean * radii[0] * logarithmic(random, 0.05, 0.5)
-    wheels = [hb.gears.Wheel(name, inertia=J, teeth=z, base_radius=r, torque=torque if name == "a" else 0.0)
-              for name, J, z, r in zip(names, inertias, teeth, radii, strict=True)]  # fmt: skip
+    wheels = [
+        hb.gears.Wheel(name, inertia=J, teeth=z, base_radius=r, torque=torque if name == "a" else 0.0)
+        for name, J, z, r in zip(names, inertias, teeth, radii, strict=True)
+    ]
     return hb.gears.Train(tuple(wheels), tuple(meshes), balance="c"), (1.8, 0.4)
 
 
@@ -295,10 +301,16 @@ def planetary(random: np.random.Generator, extreme: bool) -> Drawn:
     zeta = logarithmic(random, 0.01, 0.03) if extreme else logarithmic(random, 0.03, 0.12)
     eps = random.uniform(0.1, 0.5) if extreme else random.uniform(0.03, 0.25)
     model = hb.gears.PlanetarySet(
-        *teeth, planets=planets, torque=logarithmic(random, 60.0, 1500.0), zeta=zeta, zeta_b=zeta,
-        b_sp=logarithmic(random, 1e-5, 4e-5), b_rp=logarithmic(random, 1e-5, 4e-5),
-        eps_sp=(eps, 0.3 * eps), eps_rp=(eps * random.uniform(0.3, 1.0),),
-    )  # fmt: skip
+        *teeth,
+        planets=planets,
+        torque=logarithmic(random, 60.0, 1500.0),
+        zeta=zeta,
+        zeta_b=zeta,
+        b_sp=logarithmic(random, 1e-5, 4e-5),
+        b_rp=logarithmic(random, 1e-5, 4e-5),
+        eps_sp=(eps, 0.3 * eps),
+        eps_rp=(eps * random.uniform(0.3, 1.0),),
+    )
     return model, (2.0, 0.6)
 
 
@@ -314,8 +326,20 @@ def drawing(random: np.random.Generator, extreme: bool) -> Drawn:
 
 
 STRUCTURES: dict[str, Callable[[np.random.Generator, bool], Drawn]] = {
-    "stops": stops, "touching": touching, "preloaded": preloaded, "stepped": stepped, "cubic": cubic,
-    "python": python, "compiled": compiled, "friction": friction, "impacts": impacts, "chain": chain,
-    "gyroscopic": gyroscopic, "engine": engine, "train": train, "planetary": planetary, "drawing": drawing,
-}  # fmt: skip
+    "stops": stops,
+    "touching": touching,
+    "preloaded": preloaded,
+    "stepped": stepped,
+    "cubic": cubic,
+    "python": python,
+    "compiled": compiled,
+    "friction": friction,
+    "impacts": impacts,
+    "chain": chain,
+    "gyroscopic": gyroscopic,
+    "engine": engine,
+    "train": train,
+    "planetary": planetary,
+    "drawing": drawing,
+}
 """Ways to draw such a machine."""

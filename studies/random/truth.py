@@ -331,8 +331,11 @@ def special_points(it: Machine, branch: Branch, fine: Branch, random: np.random.
     out = []
     for i in (*sorted(both), *alone):
         pair = finer[partner[i]] if i in partner else mine[i]
-        others = [p.parameters["Omega"] for _, p in (*finer, *mine)
-                  if p.kind == pair[1].kind and p is not pair[1] and p is not mine[i][1]]  # fmt: skip
+        others = [
+            p.parameters["Omega"]
+            for _, p in (*finer, *mine)
+            if p.kind == pair[1].kind and p is not pair[1] and p is not mine[i][1]
+        ]
         out.append(_compared(it, mine[i][1], *pair, sure=i in partner, others=others))
     for j in more:
         one, p = finer[j]
@@ -380,12 +383,15 @@ def point_by_shooting(it: Machine, branch: Branch, point: SpecialPoint) -> float
     y = state_of(problem, problem.from_point(point), **here)
     orbits = Orbits(it.model, problem.nu, y, here["Omega"], abs(it.span[1] - it.span[0]))
     before, after = (branch[max(i, 0)] for i in (point.index - 1, min(point.index + 1, len(branch) - 1)))
-    ends = [np.append(state_of(problem, problem.from_point(b), **b.parameters), b.parameters["Omega"])
-            for b in (before, after)]  # fmt: skip
+    ends = [
+        np.append(state_of(problem, problem.from_point(b), **b.parameters), b.parameters["Omega"])
+        for b in (before, after)
+    ]
     tangent = (ends[1] - ends[0]) / orbits.scale
     try:
-        found = locate_by_shooting(point.kind, orbits, np.append(y, here["Omega"]), tangent / np.linalg.norm(tangent),
-                         _corner(branch, point))  # fmt: skip
+        found = locate_by_shooting(
+            point.kind, orbits, np.append(y, here["Omega"]), tangent / np.linalg.norm(tangent), _corner(branch, point)
+        )
     except (ArithmeticError, np.linalg.LinAlgError) as error:
         raise NotFound(str(error)) from error
     return found.Omega
@@ -541,12 +547,16 @@ def summary(found: Iterable[Comparison], worst: int = 15) -> str:
         errors = [p.error for p in some if np.isfinite(p.error)] or [np.nan]
         false, missing = sum(np.isnan(p.true) for p in some), sum(np.isnan(p.Omega) for p in some)
         by = sum(p.by == "shooting" for p in some)
-        lines.append(f"{kind}: {len(some)} points, {by} by shooting, {false} false, {missing} missing, error median "
-                     f"{np.median(errors):.1e}, largest {np.max(errors):.1e}")  # fmt: skip
+        lines.append(
+            f"{kind}: {len(some)} points, {by} by shooting, {false} false, {missing} missing, error median "
+            f"{np.median(errors):.1e}, largest {np.max(errors):.1e}"
+        )
     ratio = np.array([p.error / max(p.stated, 1e-9) for p in known])
     if ratio.size:
-        lines.append(f"true error below three times the stated one: {np.mean(ratio < 3):.1%}, below ten times: "
-                     f"{np.mean(ratio < 10):.1%}")  # fmt: skip
+        lines.append(
+            f"true error below three times the stated one: {np.mean(ratio < 3):.1%}, below ten times: "
+            f"{np.mean(ratio < 10):.1%}"
+        )
     rows = [v for one in found for v in one.verdicts]
     wrong = [v for v in rows if v.wrong]
     undecided = sum(v.stable is None for v in rows)
@@ -572,8 +582,9 @@ def _line(p: ComparedPoint) -> str:
 
 def main() -> None:
     """Compare machines of the command line."""
-    parser = argparse.ArgumentParser(prog="python -m studies.random.truth", description=__doc__,
-                                     formatter_class=argparse.RawDescriptionHelpFormatter)  # fmt: skip
+    parser = argparse.ArgumentParser(
+        prog="python -m studies.random.truth", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("machines", nargs="*", metavar="KIND:NUMBER", help="these machines")
     parser.add_argument("--count", type=int, default=5, help="of each kind, if none are named")
     parser.add_argument("--first", type=int, default=0, help="number of the first of them")

@@ -50,8 +50,9 @@ def run(quick: bool = False) -> list[dict[str, Any]]:
             times = [[_seconds(problem, model.default_span) for problem in problems] for _ in range(1 if quick else 11)]
         checked, plain = zip(*times, strict=True)
         share = median(c / p - 1 for c, p in times)
-        rows.append({"case": name, "points": len(curve), "checked": median(checked), "plain": median(plain),
-                     "share": share})  # fmt: skip
+        rows.append(
+            {"case": name, "points": len(curve), "checked": median(checked), "plain": median(plain), "share": share}
+        )
     return rows
 
 
@@ -65,8 +66,10 @@ def _seconds(problem: hb.HarmonicBalance, span: tuple[float, float]) -> float:
 def report(rows: list[dict[str, Any]]) -> str:
     """The results as a table in Markdown."""
     lines = ["| case | points | with the checks [s] | without [s] | checks / curve |", "|---|---|---|---|---|"]
-    lines += [f"| {row['case']} | {row['points']} | {row['checked']:.3f} | {row['plain']:.3f} | {row['share']:.0%} |"
-              for row in rows]  # fmt: skip
+    lines += [
+        f"| {row['case']} | {row['points']} | {row['checked']:.3f} | {row['plain']:.3f} | {row['share']:.0%} |"
+        for row in rows
+    ]
     return "\n".join([*lines, ""])
 
 

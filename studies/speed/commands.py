@@ -28,8 +28,13 @@ def timed(model: str, folder: Path | None = None) -> tuple[float, float]:
     """Seconds that `hbgear trace` takes with a folder for kernels, or the usual one, and those of the processor."""
     kept = {} if folder is None else {"NUMBA_CACHE_DIR": str(folder)}
     before, start = os.times(), time.perf_counter()
-    subprocess.run([sys.executable, "-m", "hbgear", "trace", model], env={**os.environ, **kept}, check=True,
-                   capture_output=True, cwd=study.ROOT.parent)  # fmt: skip
+    subprocess.run(
+        [sys.executable, "-m", "hbgear", "trace", model],
+        env={**os.environ, **kept},
+        check=True,
+        capture_output=True,
+        cwd=study.ROOT.parent,
+    )
     after = os.times()
     busy = after.children_user + after.children_system - before.children_user - before.children_system
     return time.perf_counter() - start, busy
@@ -38,8 +43,14 @@ def timed(model: str, folder: Path | None = None) -> tuple[float, float]:
 def row(model: str, which: str, found: list[tuple[float, float]]) -> dict[str, Any]:
     """Medians of some commands."""
     real, busy = zip(*found, strict=True)
-    return {"model": model, "which": which, "runs": len(found), "median": median(real), "worst": max(real),
-            "processor": median(busy)}  # fmt: skip
+    return {
+        "model": model,
+        "which": which,
+        "runs": len(found),
+        "median": median(real),
+        "worst": max(real),
+        "processor": median(busy),
+    }
 
 
 def run(quick: bool = False) -> list[dict[str, Any]]:
@@ -58,8 +69,10 @@ def run(quick: bool = False) -> list[dict[str, Any]]:
 
 def report(rows: list[dict[str, Any]]) -> str:
     """Table in Markdown."""
-    lines = ["| `hbgear trace` | command | runs | median [s] | worst [s] | processor [s] |",
-             "| --- | --- | --- | --- | --- | --- |"]  # fmt: skip
+    lines = [
+        "| `hbgear trace` | command | runs | median [s] | worst [s] | processor [s] |",
+        "| --- | --- | --- | --- | --- | --- |",
+    ]
     for each in rows:
         lines.append(
             f"| {each['model']} | {each['which']} | {each['runs']} | {each['median']:.2f} | {each['worst']:.2f} "

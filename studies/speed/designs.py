@@ -31,8 +31,15 @@ def designs(name: str, model: hb.mechanics.Model, sample: Any, harmonics: int, p
     start = time.perf_counter()
     found = hb.design.cases(model, sample, harmonics=harmonics, processes=processes)
     seconds = time.perf_counter() - start
-    return {"name": name, "designs": len(found), "of": found.total, "jumps": len(found.jumps),
-            "failed": len(found.failed), "seconds": seconds, "processes": processes}  # fmt: skip
+    return {
+        "name": name,
+        "designs": len(found),
+        "of": found.total,
+        "jumps": len(found.jumps),
+        "failed": len(found.failed),
+        "seconds": seconds,
+        "processes": processes,
+    }
 
 
 def jump_map(parameter: str, span: tuple[float, float], runs: int) -> dict[str, Any]:
@@ -42,8 +49,14 @@ def jump_map(parameter: str, span: tuple[float, float], runs: int) -> dict[str, 
         start = time.perf_counter()
         found = hb.jump_map(hb.gears.DoubleHelicalPair(), parameter, span)
         seconds.append(time.perf_counter() - start)
-    return {"parameter": parameter, "span": span, "rows": sum(map(len, found.folds)), "arms": len(found.arms),
-            "cusps": [point.parameters[parameter] for point in found.cusps], "seconds": min(seconds)}  # fmt: skip
+    return {
+        "parameter": parameter,
+        "span": span,
+        "rows": sum(map(len, found.folds)),
+        "arms": len(found.arms),
+        "cusps": [point.parameters[parameter] for point in found.cusps],
+        "seconds": min(seconds),
+    }
 
 
 def run(quick: bool = False) -> dict[str, list[dict[str, Any]]]:
@@ -63,14 +76,19 @@ def run(quick: bool = False) -> dict[str, list[dict[str, Any]]]:
 
 def report(rows: dict[str, list[dict[str, Any]]]) -> str:
     """Both tables in Markdown."""
-    lines = ["| done | designs | jumps | failed | processes | all [s] | a design, of one process [ms] |",
-             "| --- | --- | --- | --- | --- | --- | --- |"]  # fmt: skip
+    lines = [
+        "| done | designs | jumps | failed | processes | all [s] | a design, of one process [ms] |",
+        "| --- | --- | --- | --- | --- | --- | --- |",
+    ]
     for row in rows["designs"]:
         each = 1e3 * row["seconds"] * row["processes"] / row["designs"]
         cells = [f"{row['designs']} of {row['of']}", row["name"], row["jumps"], row["failed"], row["processes"]]
         lines.append("| " + " | ".join([*map(str, cells), f"{row['seconds']:.1f}", f"{each:.1f}"]) + " |")
-    lines += ["", "| jumps of the double-helical pair over | span | arms | rows | cusps | map [s] |",
-              "| --- | --- | --- | --- | --- | --- |"]  # fmt: skip
+    lines += [
+        "",
+        "| jumps of the double-helical pair over | span | arms | rows | cusps | map [s] |",
+        "| --- | --- | --- | --- | --- | --- |",
+    ]
     for row in rows["maps"]:
         low, high = row["span"]
         cusps = ", ".join(f"{value:.6g}" for value in row["cusps"]) or "-"

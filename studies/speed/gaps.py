@@ -120,9 +120,18 @@ def run(quick: bool = False) -> list[dict[str, Any]]:
 
 def report(rows: list[dict[str, Any]]) -> str:
     """The results as a table in Markdown."""
-    head = ["case", "unknowns", "points", "gaps that touch, mean and most", "curve [s]", "with stability [s]",
-            "solving dense equations [s]", "one solution, dense [ms]", "gaps that touch nothing eliminated [ms]",
-            "all but one eliminated [ms]"]  # fmt: skip
+    head = [
+        "case",
+        "unknowns",
+        "points",
+        "gaps that touch, mean and most",
+        "curve [s]",
+        "with stability [s]",
+        "solving dense equations [s]",
+        "one solution, dense [ms]",
+        "gaps that touch nothing eliminated [ms]",
+        "all but one eliminated [ms]",
+    ]
     lines = ["| " + " | ".join(head) + " |", "|" + " --- |" * len(head)]
     for row in rows:
         solving = 1e-3 * row["dense"] * row["newton"] * row["points"]

@@ -51,11 +51,16 @@ def train(case: Case) -> hb.gears.Train:
     place = {"in": 0.0, "first": middle, "second": middle, "out": last}
     wheels = [
         hb.gears.Wheel(
-            name, 7800 * np.pi / 2 * 0.025 * (module * z / 2) ** 4, 1.0, teeth=z,
-            base_radius=module * z / 2 * np.cos(np.radians(20)), x=place[name], torque=100.0 if name == "in" else 0.0,
+            name,
+            7800 * np.pi / 2 * 0.025 * (module * z / 2) ** 4,
+            1.0,
+            teeth=z,
+            base_radius=module * z / 2 * np.cos(np.radians(20)),
+            x=place[name],
+            torque=100.0 if name == "in" else 0.0,
         )
         for name, z in teeth.items()
-    ]  # fmt: skip
+    ]
     meshes = [
         hb.gears.Mesh("in", "first", 3e8, 4e-5, eps=(case.eps, 0.1), damping=case.damping),
         hb.gears.Mesh("second", "out", 3.9e8, 5e-5, eps=(0.25, 0.08), damping=case.damping),
@@ -118,18 +123,37 @@ def run(quick: bool = False) -> list[dict[str, Any]]:
                 folds, motions = off(sparse, finest)
                 rows.append(
                     {
-                        "case": case.name, "tolerance": tolerance, "orders": len(some.orders) - 1, "H": some.H,
-                        "curves": curves, "points": [len(sparse), len(every)], "seconds": [seconds, longer],
-                        "folds": folds, "motions": motions, "of all": off(every, finest),
+                        "case": case.name,
+                        "tolerance": tolerance,
+                        "orders": len(some.orders) - 1,
+                        "H": some.H,
+                        "curves": curves,
+                        "points": [len(sparse), len(every)],
+                        "seconds": [seconds, longer],
+                        "folds": folds,
+                        "motions": motions,
+                        "of all": off(every, finest),
                     }
-                )  # fmt: skip
+                )
     return rows
 
 
 def report(rows: list[dict[str, Any]]) -> str:
     """The results as a table in Markdown."""
-    head = ["teeth", "tolerance", "orders", "of", "curves before", "curve [s]", "with all of these orders [s]",
-            "times faster", "folds off", "motions off", "with all of these, folds off", "motions off"]  # fmt: skip
+    head = [
+        "teeth",
+        "tolerance",
+        "orders",
+        "of",
+        "curves before",
+        "curve [s]",
+        "with all of these orders [s]",
+        "times faster",
+        "folds off",
+        "motions off",
+        "with all of these, folds off",
+        "motions off",
+    ]
     lines = ["| " + " | ".join(head) + " |", "|" + " --- |" * len(head)]
     for row in rows:
         some, every = row["seconds"]

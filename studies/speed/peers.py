@@ -39,14 +39,28 @@ LIMIT = 60.0
 """Seconds a package has for a curve and its warm-up."""
 LONG = 15.0
 """Seconds; a curve that takes longer is traced once."""
-PACKAGES = {"pyHarm": "pyHarm-os==1.2.2", "harmonicbalance": "harmonicbalance==0.2.0",
-            "mousai": "mousai==0.3.1", "algebraic_hbm": "algebraic-hbm==0.1.4"}  # fmt: skip
+PACKAGES = {
+    "pyHarm": "pyHarm-os==1.2.2",
+    "harmonicbalance": "harmonicbalance==0.2.0",
+    "mousai": "mousai==0.3.1",
+    "algebraic_hbm": "algebraic-hbm==0.1.4",
+}
 MODES = 12
-VARIANTS = {"hbgear": (False, False), "hbgear, stability": (True, False),
-            f"hbgear, {MODES} modes": (False, True), f"hbgear, {MODES} modes, stability": (True, True)}  # fmt: skip
+VARIANTS = {
+    "hbgear": (False, False),
+    "hbgear, stability": (True, False),
+    f"hbgear, {MODES} modes": (False, True),
+    f"hbgear, {MODES} modes, stability": (True, True),
+}
 """Of hbgear: with stability, structure reduced."""
-PROBLEMS = {"duffing": "Duffing", "spur": "spur pair", "chain10": "chain, n = 10", "chain50": "chain, n = 50",
-            "chain100": "chain, n = 100", "chain200": "chain, n = 200"}  # fmt: skip
+PROBLEMS = {
+    "duffing": "Duffing",
+    "spur": "spur pair",
+    "chain10": "chain, n = 10",
+    "chain50": "chain, n = 50",
+    "chain100": "chain, n = 100",
+    "chain200": "chain, n = 200",
+}
 BEFORE = {"duffing": 0.84, "spur": 1.07, "chain10": 1.1, "chain50": 2.2, "chain100": 7.3, "chain200": 37.0}
 PYHARM_BEFORE = {"duffing": 1.1, "spur": 1.7, "chain10": 5.3, "chain50": 152.0}
 """ms per point of the fastest Python package known before hbgear, measured elsewhere; and of pyHarm there."""
@@ -84,8 +98,14 @@ def ours(name: str, stability: bool, reduced: bool) -> Row:
     seconds = time.perf_counter() - start
     folds = [float(branch[p.label].parameters["Omega"]) for p in branch.special if p.label.startswith("LP")]
     (top,) = hb.analysis.peaks(branch, "max", share=0.999)
-    return {"seconds": seconds, "points": len(branch), "failed": 0, "folds": folds, "peak": top.amplitude("max"),
-            "residual": float(branch.residual.max())}  # fmt: skip
+    return {
+        "seconds": seconds,
+        "points": len(branch),
+        "failed": 0,
+        "folds": folds,
+        "peak": top.amplitude("max"),
+        "residual": float(branch.residual.max()),
+    }
 
 
 def environment(package: str) -> Path:
@@ -105,8 +125,9 @@ def theirs(name: str, package: str) -> Row:
     settings = os.environ | {"OMP_NUM_THREADS": "1", "PYTHONPATH": str(study.ROOT.parent)}
     try:
         with tempfile.TemporaryDirectory() as scratch:  # pyHarm writes a folder where it runs
-            done = subprocess.run(command, timeout=LIMIT, check=True, cwd=scratch, env=settings,
-                                  capture_output=True, text=True)  # fmt: skip
+            done = subprocess.run(
+                command, timeout=LIMIT, check=True, cwd=scratch, env=settings, capture_output=True, text=True
+            )
     except subprocess.TimeoutExpired:
         return {"failure": f"not done in {LIMIT:.0f} s"}
     except subprocess.CalledProcessError as error:
@@ -183,14 +204,35 @@ def cells(row: Row, rows: list[Row]) -> list[str]:
         return [*head, row["failure"], *["-"] * 8]
     folds, peak = (f"{value:.0e}" if np.isfinite(value) else "-" for value in away(row, rows))
     points = f"{row['points']}" + (f" ({row['failed']} not converged)" if row["failed"] else "")
-    return [*head, points, f"{_each(row):.2f}", f"{row['ratio']:.2f}", f"{row['seconds']:.2f}",
-            f"{BEFORE[row['problem']]:g}", str(len(row["folds"])), folds, peak, f"{row['residual']:.0e}"]  # fmt: skip
+    return [
+        *head,
+        points,
+        f"{_each(row):.2f}",
+        f"{row['ratio']:.2f}",
+        f"{row['seconds']:.2f}",
+        f"{BEFORE[row['problem']]:g}",
+        str(len(row["folds"])),
+        folds,
+        peak,
+        f"{row['residual']:.0e}",
+    ]
 
 
 def report(rows: list[Row]) -> str:
     """The table in Markdown."""
-    head = ["problem", "tool", "points", "ms/point", "over hbgear", "curve [s]", "fastest before [ms/point]", "folds",
-            "error of folds", "error of peak", "largest residual"]  # fmt: skip
+    head = [
+        "problem",
+        "tool",
+        "points",
+        "ms/point",
+        "over hbgear",
+        "curve [s]",
+        "fastest before [ms/point]",
+        "folds",
+        "error of folds",
+        "error of peak",
+        "largest residual",
+    ]
     lines = ["| " + " | ".join(head) + " |", "|" + " --- |" * len(head)]
     lines += ["| " + " | ".join(cells(row, rows)) + " |" for row in rows]
     note = (
@@ -210,8 +252,11 @@ def against_before(rows: list[Row]) -> list[str]:
     That one was measured on another machine together with pyHarm, whose times give the ratio of the machines.
     """
     done = {(row["problem"], row["tool"]): row for row in rows if "failure" not in row}
-    lines = ["| problem | curve of pyHarm over that of hbgear | pyHarm here / there |"
-             " fastest before, scaled [ms/point] | over hbgear |", "| --- | --- | --- | --- | --- |"]  # fmt: skip
+    lines = [
+        "| problem | curve of pyHarm over that of hbgear | pyHarm here / there |"
+        " fastest before, scaled [ms/point] | over hbgear |",
+        "| --- | --- | --- | --- | --- |",
+    ]
     slower = 1.0
     for name in dict.fromkeys(row["problem"] for row in rows):
         own = min((done[name, tool] for tool in VARIANTS if "stability" in tool and (name, tool) in done), key=_each)
@@ -245,13 +290,22 @@ def plot(rows: list[Row]) -> Figure:
     for label in labels:
         mine = [row for row in rows if row["tool"] == label and "failure" not in row]
         here = [[r["tool"] for r in rows if r["problem"] == row["problem"] and "failure" not in r] for row in mine]
-        at = [names.index(row["problem"]) + 0.12 * (found.index(label) - (len(found) - 1) / 2)
-              for row, found in zip(mine, here, strict=True)]  # fmt: skip
+        at = [
+            names.index(row["problem"]) + 0.12 * (found.index(label) - (len(found) - 1) / 2)
+            for row, found in zip(mine, here, strict=True)
+        ]
         if mine:
             ax.bar(at, [_each(row) for row in mine], 0.11, color=colours[label], label=label)
     for k, name in enumerate(names):
-        ax.hlines(BEFORE[name], k - 0.42, k + 0.42, color="black", ls="--", lw=0.9,
-                  label="fastest before (elsewhere)" if k == 0 else None)  # fmt: skip
+        ax.hlines(
+            BEFORE[name],
+            k - 0.42,
+            k + 0.42,
+            color="black",
+            ls="--",
+            lw=0.9,
+            label="fastest before (elsewhere)" if k == 0 else None,
+        )
     ax.set_yscale("log")
     ax.set_xticks(range(len(names)), [PROBLEMS[name] for name in names])
     ax.set_ylabel("time of a converged point [ms]")

@@ -23,9 +23,12 @@ def trace(given: Problem) -> Curve:
         raise ValueError("only for one coordinate, a polynomial spring and a load that does not depend on Omega")
     # its residual is mass x'' + ... + excitation
     ode = package.ODE_2nd_Order_Poly_Coeffs(
-        mass=float(given.M[0, 0]), damping=float(given.C[0, 0]), stiffness=float(given.K[0, 0]),
-        monomials={3: given.k}, excitation=(0.0, -given.cosine),
-    )  # fmt: skip
+        mass=float(given.M[0, 0]),
+        damping=float(given.C[0, 0]),
+        stiffness=float(given.K[0, 0]),
+        monomials={3: given.k},
+        excitation=(0.0, -given.cosine),
+    )
     balance = package.Algebraic_HBM(ODE=ode, order=given.harmonics)
     balance.generate_multivariate_polynomials()
     F, (slope, _) = balance.compile()

@@ -94,9 +94,14 @@ def judged(given: Problem, curve: Curve, seconds: float, accepted: float = 1e-2)
     Omega, top = Omega[good], np.abs(samples(Q[good, -1])).max(axis=-1)
     turns = [i for i in range(1, len(Omega) - 1) if (Omega[i] - Omega[i - 1]) * (Omega[i + 1] - Omega[i]) < 0]
     best = int(np.clip(np.argmax(top), 1, len(top) - 2))
-    return {"seconds": seconds, "points": int(good.sum()), "failed": int((~good).sum()),
-            "folds": [vertex(Omega, i) for i in turns], "peak": max(vertex(top, best), float(top.max())),
-            "residual": float(residuals[good].max())}  # fmt: skip
+    return {
+        "seconds": seconds,
+        "points": int(good.sum()),
+        "failed": int((~good).sum()),
+        "folds": [vertex(Omega, i) for i in turns],
+        "peak": max(vertex(top, best), float(top.max())),
+        "residual": float(residuals[good].max()),
+    }
 
 
 def main(trace: Callable[[Problem], Curve], warm_up: bool = True) -> None:

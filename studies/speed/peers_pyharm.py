@@ -29,8 +29,10 @@ def described(given: Problem) -> dict[str, Any]:
     )
     # dto counts time derivatives: the second one of amp cos(tau) is -amp Omega^2 cos(tau)
     amplitude = -given.cosine if given.order == 2 else given.cosine
-    connectors = {"spring": on(n - 1, k=given.k, **law),
-                  "drive": on(0, type="GOForcing", ho=1, dto=given.order, amp=amplitude)}  # fmt: skip
+    connectors = {
+        "spring": on(n - 1, k=given.k, **law),
+        "drive": on(0, type="GOForcing", ho=1, dto=given.order, amp=amplitude),
+    }
     if given.constant:
         connectors["mean"] = on(0, type="GOForcing", ho=0, dto=0, amp=given.constant)
     step = STEPS.get(n, 0.1) if given.gap is None else 0.015
@@ -38,9 +40,19 @@ def described(given: Problem) -> dict[str, Any]:
         "system": {"type": "Base", "nh": given.harmonics, "nti": 32 if given.gap is None else 128},
         "substructures": {"S": {"matrix": {"M": given.M, "C": given.C, "K": given.K}, "ndofs": 1}},
         "connectors": connectors,
-        "analysis": {"frf": {"study": "frf", "ds_max": step, "ds0": step / 4, "ds_min": 1e-6, "verbose": False,
-                             "puls_inf": given.span[0], "puls_sup": given.span[1], "sign_ds": 1}},
-    }  # fmt: skip
+        "analysis": {
+            "frf": {
+                "study": "frf",
+                "ds_max": step,
+                "ds0": step / 4,
+                "ds_min": 1e-6,
+                "verbose": False,
+                "puls_inf": given.span[0],
+                "puls_sup": given.span[1],
+                "sign_ds": 1,
+            }
+        },
+    }
 
 
 def trace(given: Problem) -> Curve:

@@ -39,8 +39,9 @@ Runs = dict[str, tuple[hb.Branch, list[float]]]
 
 def timed(problem: hb.HarmonicBalance, span: tuple[float, float], repeats: int) -> Runs:
     """The curve of each variant and seconds of its runs; the first is not counted."""
-    found = {variant: (hb.trace(problem, "Omega", span, **how), list[float]())
-             for variant, (_, how) in VARIANTS.items()}  # fmt: skip
+    found = {
+        variant: (hb.trace(problem, "Omega", span, **how), list[float]()) for variant, (_, how) in VARIANTS.items()
+    }
     for _ in range(repeats):
         for variant, (threads, how) in VARIANTS.items():
             with threadpool_limits(threads):
@@ -79,8 +80,16 @@ def run(quick: bool = False) -> list[dict[str, Any]]:
 
 def report(rows: list[dict[str, Any]]) -> str:
     """The results as a table in Markdown."""
-    head = ["case", "points", "Newton steps per point", *(f"{v} [ms/point]" for v in VARIANTS), "each point more [ms]",
-            "curve [s]", "stability / points", "two threads / one"]  # fmt: skip
+    head = [
+        "case",
+        "points",
+        "Newton steps per point",
+        *(f"{v} [ms/point]" for v in VARIANTS),
+        "each point more [ms]",
+        "curve [s]",
+        "stability / points",
+        "two threads / one",
+    ]
     lines = ["| " + " | ".join(head) + " |", "|" + " --- |" * len(head)]
     for row in rows:
         times = [f"{1e3 * t:.3f}" for t in (*row["each"].values(), row["more"])]

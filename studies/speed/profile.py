@@ -39,10 +39,17 @@ CASES = {
 }
 """Models, harmonics and titles."""
 PARTS = {
-    "linear part": study.PURPLE, "laws, assembly": study.ORANGE, "elimination": study.BLUE, "prediction": "#9db9dd",
-    "reach, truncation": "#9fcbb0", "monodromy": study.GREEN, "eigenvalues": "#17563a", "special points": "#b8423a",
-    "start": "#d8d8d8", "rest": study.GREY,
-}  # fmt: skip
+    "linear part": study.PURPLE,
+    "laws, assembly": study.ORANGE,
+    "elimination": study.BLUE,
+    "prediction": "#9db9dd",
+    "reach, truncation": "#9fcbb0",
+    "monodromy": study.GREEN,
+    "eigenvalues": "#17563a",
+    "special points": "#b8423a",
+    "start": "#d8d8d8",
+    "rest": study.GREY,
+}
 
 
 @kernel
@@ -125,11 +132,14 @@ def profiled(name: str, repeats: int) -> dict[str, Any]:
     curve = hb.trace(problem, "Omega", model.default_span, special=False)
     points, newton = len(curve), float(curve.iterations.mean())
     often = dict.fromkeys(["linear part", "laws, assembly", "elimination", "LU"], 1 + newton)
-    parts = {part: often.get(part, 1.0) * seconds(call, repeats) / points
-             for part, call in kernels(problem, curve).items()}  # fmt: skip
+    parts = {
+        part: often.get(part, 1.0) * seconds(call, repeats) / points for part, call in kernels(problem, curve).items()
+    }
     lu = parts.pop("LU")
-    whole, plain = (seconds(lambda on=on: hb.trace(problem, "Omega", model.default_span, special=on), repeats) / points
-                    for on in (True, False))  # fmt: skip
+    whole, plain = (
+        seconds(lambda on=on: hb.trace(problem, "Omega", model.default_span, special=on), repeats) / points
+        for on in (True, False)
+    )
     parts |= {"rest": max(0.0, plain - sum(parts.values())), "special points": max(0.0, whole - plain)}
     return {"name": name, "points": points, "whole": whole, "parts": parts, "lu": lu, "newton": newton}
 

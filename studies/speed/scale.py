@@ -85,8 +85,13 @@ def traced(system: hb.System, span: tuple[float, float], repeats: int) -> dict[s
             branch = hb.trace(hb.HarmonicBalance(system, 5), "Omega", span, stability=stability, accuracy=None)
             found.append((time.perf_counter() - start) / len(branch))
     top = branch.peak("pp2")
-    return {"seconds": min(seconds[True]), "alone": min(seconds[False]), "points": len(branch),
-            "peak": top.amplitude("pp2"), "status": str(branch.status)}  # fmt: skip
+    return {
+        "seconds": min(seconds[True]),
+        "alone": min(seconds[False]),
+        "points": len(branch),
+        "peak": top.amplitude("pp2"),
+        "status": str(branch.status),
+    }
 
 
 def on_chain(n: int, repeats: int, full: bool = True) -> dict[str, Any]:
@@ -95,8 +100,11 @@ def on_chain(n: int, repeats: int, full: bool = True) -> dict[str, Any]:
     span = (0.8 * first, 1.3 * first)
     with threadpool_limits(1):
         reduced = hb.mechanics.reduce(chain(n, dense=False), min(CHAIN_MODES, n - 1))
-        row = {"n": n, "reduced": traced(reduced.system, span, repeats),
-               "error": float(reduced.error(np.arange(6) * span[1]).max())}  # fmt: skip
+        row = {
+            "n": n,
+            "reduced": traced(reduced.system, span, repeats),
+            "error": float(reduced.error(np.arange(6) * span[1]).max()),
+        }
         return row | ({"full": traced(chain(n), span, repeats)} if full else {})
 
 
@@ -133,9 +141,11 @@ def run(quick: bool = False) -> dict[str, list[dict[str, Any]]]:
 
 def report(results: dict[str, list[dict[str, Any]]]) -> str:
     """Both tables in Markdown."""
-    lines = ["| n of the chain | all coordinates [ms/point] | points alone | reduced [ms/point] | points alone |"
-             " points alone over n = 10 | error of receptance | difference of the peaks |",
-             "| --- | --- | --- | --- | --- | --- | --- | --- |"]  # fmt: skip
+    lines = [
+        "| n of the chain | all coordinates [ms/point] | points alone | reduced [ms/point] | points alone |"
+        " points alone over n = 10 | error of receptance | difference of the peaks |",
+        "| --- | --- | --- | --- | --- | --- | --- | --- |",
+    ]
     base = results["chain"][0]["reduced"]["alone"]
     for row in results["chain"]:
         apart = abs(row["reduced"]["peak"] / row["full"]["peak"] - 1)
@@ -143,9 +153,12 @@ def report(results: dict[str, list[dict[str, Any]]]) -> str:
         cells = [str(row["n"]), *(f"{1e3 * t:.2f}" for t in times), f"{times[-1] / base:.2f}"]
         cells += [f"{row['error']:.1e}", f"{apart:.1e}"]
         lines.append("| " + " | ".join(cells) + " |")
-    lines += ["", "| n of the housing | reduced in [s] | memory [MiB] | [ms/point] | error of receptance |"
-              " difference of the peaks | mu / 2 of modes left out | their least damping ratio |",
-              "| --- | --- | --- | --- | --- | --- | --- | --- |"]  # fmt: skip
+    lines += [
+        "",
+        "| n of the housing | reduced in [s] | memory [MiB] | [ms/point] | error of receptance |"
+        " difference of the peaks | mu / 2 of modes left out | their least damping ratio |",
+        "| --- | --- | --- | --- | --- | --- | --- | --- |",
+    ]
     for row in results["housing"]:
         apart_text = f"{abs(row['reduced']['peak'] / row['peak'] - 1):.1e}" if "peak" in row else "-"
         cells = [str(row["n"]), f"{row['reduce']:.2f}", f"{row['memory']:.0f}"]
@@ -168,8 +181,10 @@ def plot(results: dict[str, list[dict[str, Any]]]) -> Figure:
     """Milliseconds per point over n; seconds and memory over n."""
     figure, (left, right) = plt.subplots(1, 2, figsize=(8.0, 3.4), layout="constrained")
     n = [row["n"] for row in results["chain"]]
-    for name, text, mark, colour in (("full", "all coordinates", "s", study.ORANGE),
-                                     ("reduced", f"{CHAIN_MODES} modes", "o", study.BLUE)):  # fmt: skip
+    for name, text, mark, colour in (
+        ("full", "all coordinates", "s", study.ORANGE),
+        ("reduced", f"{CHAIN_MODES} modes", "o", study.BLUE),
+    ):
         for what, line, more in (("seconds", "-", ", stability"), ("alone", "--", "")):
             each = [1e3 * row[name][what] for row in results["chain"]]
             left.loglog(n, each, mark + line, color=colour, ms=4, label=text + more)

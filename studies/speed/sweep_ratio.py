@@ -89,8 +89,14 @@ def report(result: dict[str, Any]) -> str:
     for H, (branch, seconds) in result["curves"].items():
         lines.append(f"| H = {H}, with stability and special points | {len(branch)} | {seconds:.2f} |")
     base = result["curves"][16][1]
-    head = [f"sweeps, {result['values']} frequencies up and down, settled to", "periods", "seconds",
-            "over continuation (H = 16)", "the same by DOP853 [s], estimated", "over continuation"]  # fmt: skip
+    head = [
+        f"sweeps, {result['values']} frequencies up and down, settled to",
+        "periods",
+        "seconds",
+        "over continuation (H = 16)",
+        "the same by DOP853 [s], estimated",
+        "over continuation",
+    ]
     lines += ["", "| " + " | ".join(head) + " |", "|" + " --- |" * len(head)]
     for row in result["rows"]:
         seconds, slow = row["seconds"], row["dop853"]

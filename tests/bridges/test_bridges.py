@@ -77,15 +77,17 @@ def geared(ross):
 def steel_rotor(ross, teeth, diameter):
     """Return a short shaft on two bearings with a gear between them."""
     shaft = [ross.ShaftElement(L=0.3, idl=0.0, odl=0.1, material=ross.materials.steel) for _ in range(2)]
-    gear = ross.GearElement(n=1, m=10.0, Id=0.1, Ip=0.2, n_teeth=teeth, pitch_diameter=diameter,
-                            pr_angle=ross.Q_(20.0, "deg"))  # fmt: skip
+    gear = ross.GearElement(
+        n=1, m=10.0, Id=0.1, Ip=0.2, n_teeth=teeth, pitch_diameter=diameter, pr_angle=ross.Q_(20.0, "deg")
+    )
     return ross.Rotor(shaft, [gear], [ross.BearingElement(n=n, kxx=1e8, kyy=1e8, cxx=1e3) for n in (0, 2)])
 
 
 def test_every_mesh_of_a_multi_rotor_of_multi_rotors_is_found(ross):
     """Both mesh springs are removed from K; with both added again K and natural frequencies agree with ROSS."""
-    inner = ross.MultiRotor(steel_rotor(ross, 20, 0.1), steel_rotor(ross, 40, 0.2), coupled_nodes=(1, 1),
-                            gear_mesh_stiffness=1e8)  # fmt: skip
+    inner = ross.MultiRotor(
+        steel_rotor(ross, 20, 0.1), steel_rotor(ross, 40, 0.2), coupled_nodes=(1, 1), gear_mesh_stiffness=1e8
+    )
     rotor = ross.MultiRotor(inner, steel_rotor(ross, 20, 0.1), coupled_nodes=(1, 1), gear_mesh_stiffness=2e8)
     found = hb.io.from_ross(rotor)
     assert {name: k for name, (_, k) in found.meshes.items()} == {"gears_1_7": 2e8, "gears_1_4": 1e8}
@@ -244,8 +246,12 @@ def test_a_drive_train_with_rigid_and_elastic_gears(ot):
     big = ot.Gear(3, 0.1, 1.0)
     small = ot.Gear(4, 0.1, 2.0, parent=big)
     shafts = [ot.Shaft(0, 1, k=1e4, I=0), ot.Shaft(2, 3, k=2e4, I=0), ot.Shaft(4, 5, k=1e4, I=0)]
-    assembly = ot.Assembly(shafts, disk_elements=[ot.Disk(0, I=2.0), ot.Disk(5, I=3.0)], gear_elements=[big, small],
-                           elastic_gear_elements=[parent, child])  # fmt: skip
+    assembly = ot.Assembly(
+        shafts,
+        disk_elements=[ot.Disk(0, I=2.0), ot.Disk(5, I=3.0)],
+        gear_elements=[big, small],
+        elastic_gear_elements=[parent, child],
+    )
     found = hb.io.from_opentorsion(assembly)
     assert found.dof_names == ("theta_0", "theta_1", "theta_2", "theta_3", "theta_5")
     ((name, (w, k)),) = found.meshes.items()

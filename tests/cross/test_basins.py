@@ -61,9 +61,14 @@ def test_a_plane_of_directions_is_that_of_the_element_where_they_are_the_same(fo
     """With diagonal inertia the element displaces one coordinate only; at the origin its gap is zero."""
     e = hb.SpurPair(e=(0.1,)).system().elements[0].displacement
     same = basins(
-        two_masses(), OMEGA, (-2, 2), (-1.5, 1.5), (14, 10), start=[float(e(0.0)), 0.0, 0.0, 0.0],
+        two_masses(),
+        OMEGA,
+        (-2, 2),
+        (-1.5, 1.5),
+        (14, 10),
+        start=[float(e(0.0)), 0.0, 0.0, 0.0],
         plane=[[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]],
-    )  # fmt: skip
+    )
     assert same.element == ""
     np.testing.assert_array_equal(same.label, found.label)
     assert [a.period for a in same.attractors] == [a.period for a in found.attractors]

@@ -64,8 +64,11 @@ def test_points_of_harmonic_balance_are_those_of_the_figure(cascade):
     assert len(x) == sum(cascade.sweeps[0].period) and len(lines["chaotic"]) == 1
     for gamma, height in zip(x, y, strict=True):
         if gamma < PD2:  # both curves together pass through every stroboscopic point
-            near = [abs(np.interp(gamma, *line.get_data()) - height) for line in lines["stable"]
-                    if line.get_xdata().min() <= gamma <= line.get_xdata().max()]  # fmt: skip
+            near = [
+                abs(np.interp(gamma, *line.get_data()) - height)
+                for line in lines["stable"]
+                if line.get_xdata().min() <= gamma <= line.get_xdata().max()
+            ]
             assert min(near) < 2e-3
     with pytest.raises(ValueError, match="trace the curve in gamma"):
         hb.plot.bifurcation_diagram(
@@ -106,12 +109,18 @@ def test_weights_average_a_rotation_to_rounding():
     assert abs(np.cos(p).mean()) > 1e-5  # a plain average has a slow error
 
 
-@pytest.mark.parametrize(("numbers", "expected"), [
-    ((2, 0.5, 0.0, 9.0), Verdict.PERIODIC), ((0, 0.0, 8.0, 0.01), Verdict.QUASI_PERIODIC),
-    ((0, 0.0, 8.0, 0.3), Verdict.UNDECIDED), ((0, 0.1, 2.0, 0.01), Verdict.CHAOTIC),
-    ((0, 0.1, 8.0, 0.01), Verdict.UNDECIDED), ((0, 0.0, 2.0, 0.01), Verdict.UNDECIDED),
-    ((0, np.nan, 8.0, 0.01), Verdict.UNDECIDED),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("numbers", "expected"),
+    [
+        ((2, 0.5, 0.0, 9.0), Verdict.PERIODIC),
+        ((0, 0.0, 8.0, 0.01), Verdict.QUASI_PERIODIC),
+        ((0, 0.0, 8.0, 0.3), Verdict.UNDECIDED),
+        ((0, 0.1, 2.0, 0.01), Verdict.CHAOTIC),
+        ((0, 0.1, 8.0, 0.01), Verdict.UNDECIDED),
+        ((0, 0.0, 2.0, 0.01), Verdict.UNDECIDED),
+        ((0, np.nan, 8.0, 0.01), Verdict.UNDECIDED),
+    ],
+)
 def test_verdicts_follow_the_stated_tests(numbers, expected):
     assert verdict_of(*numbers) is expected
 

@@ -83,10 +83,12 @@ def test_a_backlash_fifty_times_as_stiff():
     the regime are detected in contact instants only.
     """
     system = hb.System(
-        np.diag([0.8534, 1.922]), [[0.1714, -0.0922], [-0.0922, 0.1114]], [[1.4258, -0.8069], [-0.8069, 0.8069]],
+        np.diag([0.8534, 1.922]),
+        [[0.1714, -0.0922], [-0.0922, 0.1114]],
+        [[1.4258, -0.8069], [-0.8069, 0.8069]],
         [hb.Element([0, 1], hb.Unilateral(k=2.2025, gap=0.7689)), hb.Element([1, 0], hb.Backlash(b=0.27504, k=54.957))],
         hb.Load(cosine={1: [0.13765, 0.0]}),
-    )  # fmt: skip
+    )
     curve = hb.trace(hb.HarmonicBalance(system, 16), "Omega", (2.5, 0.4))
     assert "traced in contact instants, because H = 16 does not resolve contacts" in curve.message
     fine = hb.trace(hb.HarmonicBalance(system, 80), "Omega", (2.5, 0.4), accuracy=None)
@@ -278,10 +280,16 @@ def turn_on(problem):
     return arc, LocatedEvent(FoldEvent(), 0.5, turn, True)
 
 
-@pytest.mark.parametrize("others", [
-    [(0.0, 1e-3, 1.0)], [(2e-6, 1e-3, 1.0)], [(3e-6, 0.0, 1.0)], [(2e-6, 1e-3, 1.0), (5e-6, 1e-3, 0.25)],
-    [(1e-6, 1e-3, 0.25), (9e-6, 1e-3, 1.0)],
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "others",
+    [
+        [(0.0, 1e-3, 1.0)],
+        [(2e-6, 1e-3, 1.0)],
+        [(3e-6, 0.0, 1.0)],
+        [(2e-6, 1e-3, 1.0), (5e-6, 1e-3, 0.25)],
+        [(1e-6, 1e-3, 0.25), (9e-6, 1e-3, 1.0)],
+    ],
+)
 def test_the_error_of_a_turn_in_closed_form(others):
     """The largest w (|c + d^2| + (2 d)^2 / (2 2)), for the point (0, c + d^2), the slope -2 d and the curvature 2."""
     problem = Parabola(others=tuple((Parabola(c, d), w) for c, d, w in others))

@@ -340,10 +340,13 @@ def test_units_do_not_matter():
     length, time, mass = 1e-6, 1e3, 1e3
     stiffness = mass / time**2
     scaled = replace(
-        model, M=mass * model.M, C=mass / time * model.C, K=stiffness * model.K,
+        model,
+        M=mass * model.M,
+        C=mass / time * model.C,
+        K=stiffness * model.K,
         elements=[hb.Element([1.0], hb.Unilateral(200.0 * stiffness, 0.5 * length))],
         load=hb.Load(cosine={1: [0.1 * stiffness * length]}),
-    )  # fmt: skip
+    )
     results = []
     for one, Omega in ((model, 1.4), (scaled, 1.4 / time)):
         problem = hb.HarmonicBalance(one, 32)

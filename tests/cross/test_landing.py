@@ -204,8 +204,9 @@ def test_a_sweep_continues_on_the_doubled_motion_in_front_of_a_fold():
     ]
     pairs = hb.GearPair(gears[0], gears[1], "60 um"), hb.GearPair(gears[1], gears[2], "60 um")
     meshes = [
-        hb.gears.Mesh.of("in", "idler", pairs[0], 50.0, 0.05), hb.gears.Mesh.of("idler", "out", pairs[1], 87.5, 0.05)
-    ]  # fmt: skip
+        hb.gears.Mesh.of("in", "idler", pairs[0], 50.0, 0.05),
+        hb.gears.Mesh.of("idler", "out", pairs[1], 87.5, 0.05),
+    ]
     curve = hb.trace(hb.HarmonicBalance(hb.gears.Train(wheels, meshes), 16), "Omega", (1.0, 0.8))
     fold = next(p for p in curve.special if p.kind == "LP" and p.parameters["Omega"] < 0.87)
     doubling = max((p for p in curve.special if p.kind == "PD" and p.index < fold.index), key=lambda p: p.index)
@@ -215,8 +216,11 @@ def test_a_sweep_continues_on_the_doubled_motion_in_front_of_a_fold():
     (found, *_), *_ = [group for _, group in landings_of((curve,), jump, jump_ends(curve, jump))]
     assert found.period == 2
     doubled = hb.switch(curve, doubling.label)
-    (at,) = [i for i in range(len(doubled) - 1) if (doubled.values[i] - found.value) * (doubled.values[i + 1] -
-             found.value) <= 0][:1]  # fmt: skip
+    (at,) = [
+        i
+        for i in range(len(doubled) - 1)
+        if (doubled.values[i] - found.value) * (doubled.values[i + 1] - found.value) <= 0
+    ][:1]
     assert doubled[at].stable and found.motion is not None
     assert found.motion.amplitude("rms") == pytest.approx(doubled[at].amplitude("rms"), rel=0.02)
     assert found.motion.amplitude("rms") > 1.01 * doubling.amplitude("rms")

@@ -119,8 +119,10 @@ def segment_without_events(event):
     """A segment of a spur pair's curve without special points, and its end as a located point of an event."""
     curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 6), "Omega", (1.5, 1.3), special=False)
     problem, scale = as_problem(curve.problem), np.ones(14)
-    rows = [point_from_solution(solve(problem, curve.X[k], {"Omega": curve.values[k]}, "Omega"), np.eye(14)[-1], scale)
-            for k in (0, 2)]  # fmt: skip
+    rows = [
+        point_from_solution(solve(problem, curve.X[k], {"Omega": curve.values[k]}, "Omega"), np.eye(14)[-1], scale)
+        for k in (0, 2)
+    ]
     for row, seen in zip(rows, observe_all(problem, np.array([r.u for r in rows]), "Omega", {}, True), strict=True):
         row.observed.update(seen)
     return Segment(problem, "Omega", {}, *rows, scale, hb.NewtonSettings()), LocatedEvent(event, 0.0, rows[0], True)

@@ -19,12 +19,18 @@ def two_stages(teeth, eps=(), unbalance=None, **meshes):
     unbalance = unbalance or {}
     wheels = [
         hb.gears.Wheel(
-            name, 7800 * pi / 32 * 0.03 * (m * z) ** 4, teeth=z, base_radius=r, x=x, mass=1.0,
-            torque=9000.0 if name == "a" else 0.0, moves="plane" if name in unbalance else "torsion",
+            name,
+            7800 * pi / 32 * 0.03 * (m * z) ** 4,
+            teeth=z,
+            base_radius=r,
+            x=x,
+            mass=1.0,
+            torque=9000.0 if name == "a" else 0.0,
+            moves="plane" if name in unbalance else "torsion",
             unbalance=unbalance.get(name, 0.0),
         )
         for name, m, z, r, x in zip("abcd", MODULES, teeth, radii, places, strict=True)
-    ]  # fmt: skip
+    ]
     two = [hb.gears.Mesh(*ends, 4e8, 4e-5, eps, e=(3e-6, 1e-6)) for ends in ("ab", "cd")]
     bearings = [hb.gears.Bearing(name, x=1e8, y=1.3e8) for name in unbalance]
     return hb.gears.Train(wheels, two, [hb.gears.Shaft("b", "c", torsion=4e5)], bearings, balance="d", **meshes)

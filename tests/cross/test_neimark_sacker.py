@@ -75,8 +75,13 @@ def test_where_there_is_none():
 
 def test_a_linear_motion_has_the_exponents_of_its_modes():
     """Both modes of two masses decay with half the damping, and turn with their damped frequencies less Omega."""
-    two = hb.System(np.eye(2), 0.1 * np.eye(2), [[2.0, -1.0], [-1.0, 2.0]],
-                    [hb.Element([1, 0], hb.Unilateral(k=5.0, gap=100.0))], hb.Load(cosine={1: [0.1, 0.0]}))  # fmt: skip
+    two = hb.System(
+        np.eye(2),
+        0.1 * np.eye(2),
+        [[2.0, -1.0], [-1.0, 2.0]],
+        [hb.Element([1, 0], hb.Unilateral(k=5.0, gap=100.0))],
+        hb.Load(cosine={1: [0.1, 0.0]}),
+    )
     problem = hb.HarmonicBalance(two, 5)
     s = hb.harmonic.NeimarkSackerProblem(problem).exponent(problem.start(Omega=1.3), Omega=1.3)
     assert s.real == pytest.approx(-0.05, rel=1e-9)
@@ -85,10 +90,17 @@ def test_a_linear_motion_has_the_exponents_of_its_modes():
 
 
 PAIR = hb.gears.DoubleHelicalPair(
-    phi_deg=2.4450378633291523, zeta=0.006114419661484982, torque=370.6846248952864, W=0.37760398300698106,
-    eps_scale=1.3324911562218102, e_scale=3.1570524284344605, e_phase=3.0417072415162063, stagger=np.pi,
-    support_damping="zeta", tilt=False,
-)  # fmt: skip
+    phi_deg=2.4450378633291523,
+    zeta=0.006114419661484982,
+    torque=370.6846248952864,
+    W=0.37760398300698106,
+    eps_scale=1.3324911562218102,
+    e_scale=3.1570524284344605,
+    e_phase=3.0417072415162063,
+    stagger=np.pi,
+    support_damping="zeta",
+    tilt=False,
+)
 """Little damping and load: many pairs of multipliers lie next to the unit circle and pass it."""
 
 
@@ -172,10 +184,13 @@ def test_a_pair_that_is_real_for_a_while_is_located_next_to_a_doubling(span):
         hb.Element([-1.0, 1.0], hb.Backlash(b=0.4, k=0.522), name="backlash"),
     ]
     model = hb.System(
-        np.diag([1.741, 0.582]), [[0.125, -0.059], [-0.059, 0.11]], [[1.558, -0.995], [-0.995, 1.667]], elements,
+        np.diag([1.741, 0.582]),
+        [[0.125, -0.059], [-0.059, 0.11]],
+        [[1.558, -0.995], [-0.995, 1.667]],
+        elements,
         hb.Load(constant=[-0.033, -0.076], cosine={1: [0.0, 0.382]}),
         speed=hb.mechanics.SpeedTerms(gyroscopic=[[0.0, 0.096], [-0.096, 0.0]]),
-    )  # fmt: skip
+    )
     curves = (
         hb.trace(problem, "Omega", span) for problem in (hb.HarmonicBalance(model, 48), hb.ContactInstants(model))
     )

@@ -55,10 +55,13 @@ MODELS = {
     "errors with corners": two_stages(3, 2, e=stepped),
     "cubic": two_stages(3, 2, law=lambda k: hb.Cubic(1.0, 0.1)),
     "turning": two_stages(3, 2, speed=hb.mechanics.SpeedTerms(np.array([[0, 0.1, 0], [-0.1, 0, 0], [0, 0, 0]]), 1.0)),
-    "tied": two_stages(3, 2, M=np.eye(3), elements=[
-        *two_stages(3, 2).elements, hb.Element([1.0, -1.0, 0.0], hb.Cubic(0.1, 0.2), name="parallel")
-    ]),
-}  # fmt: skip
+    "tied": two_stages(
+        3,
+        2,
+        M=np.eye(3),
+        elements=[*two_stages(3, 2).elements, hb.Element([1.0, -1.0, 0.0], hb.Cubic(0.1, 0.2), name="parallel")],
+    ),
+}
 
 
 @pytest.mark.parametrize("sampled", [False, True])
@@ -191,8 +194,10 @@ def test_a_file_knows_its_orders(tmp_path):
         problem = again.layout.problem_of(again.meta)
         assert problem.orders.tolist() == curve.problem.orders.tolist()
         assert problem.refined_problem.orders.tolist() == curve.problem.refined_problem.orders.tolist()
-        np.testing.assert_array_equal(problem.residual(again.X[3], Omega=again.values[3]),
-                                      curve.problem.residual(curve.X[3], Omega=curve.values[3]))  # fmt: skip
+        np.testing.assert_array_equal(
+            problem.residual(again.X[3], Omega=again.values[3]),
+            curve.problem.residual(curve.X[3], Omega=curve.values[3]),
+        )
 
 
 @pytest.mark.slow

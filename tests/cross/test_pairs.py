@@ -17,8 +17,10 @@ def rotor():
 def stops():
     """Two masses, a stop and a hard gap."""
     C, K = np.array([[0.1714, -0.0922], [-0.0922, 0.1114]]), np.array([[1.4258, -0.8069], [-0.8069, 0.8069]])
-    elements = [Element([0.0, 1.0], Unilateral(k=2.2025, gap=0.7689)),
-                Element([1.0, 0.0], Backlash(b=0.27504, k=54.957))]  # fmt: skip
+    elements = [
+        Element([0.0, 1.0], Unilateral(k=2.2025, gap=0.7689)),
+        Element([1.0, 0.0], Backlash(b=0.27504, k=54.957)),
+    ]
     return System(np.diag([0.8534, 1.922]), C, K, elements, Load(cosine={1: [0.13765, 0.0]}))
 
 

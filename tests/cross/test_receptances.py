@@ -22,8 +22,10 @@ def by_force(w, stiffness=K, mass=M, damping=C):
 def machine(directions, n=3):
     """Elements (a stop between two coordinates, backlash to the ground), and constant and harmonic loads."""
     one, other, wave = np.eye(n)[directions[0]], np.eye(n)[directions[1]], np.eye(n)[directions[2]]
-    elements = [hb.Element(one - other, hb.Unilateral(2.0, 0.2), damping=0.02, name="stop"),
-                hb.Element(other, hb.Backlash(0.4, 3.0), hb.mechanics.Series(0.0, (0.02,)), name="gap")]  # fmt: skip
+    elements = [
+        hb.Element(one - other, hb.Unilateral(2.0, 0.2), damping=0.02, name="stop"),
+        hb.Element(other, hb.Backlash(0.4, 3.0), hb.mechanics.Series(0.0, (0.02,)), name="gap"),
+    ]
     return elements, [hb.Load(0.05 * wave, {1: 0.3 * wave}), hb.Load(sine={2: 0.02 * one}, power=2)]
 
 
@@ -67,8 +69,9 @@ def test_a_measured_part_with_masses_and_springs(known):
     left = K[:2, :2] - np.diag([0.0, 1.0])
     part = hb.mechanics.Receptances(W, [by_force(w, left, M[:2, :2], 0.06 * left) for w in W], ["a", "b"])
     rest = np.array([[0.0, 0.0, 0.0], [0.0, 1.0, -1.0], [0.0, -1.0, 2.0]])
-    whole = hb.System(np.diag([0.0, 0.0, 0.8]), 0.06 * rest, rest, known.elements, known.load, known.dof_names,
-                      receptances=part)  # fmt: skip
+    whole = hb.System(
+        np.diag([0.0, 0.0, 0.8]), 0.06 * rest, rest, known.elements, known.load, known.dof_names, receptances=part
+    )
     one, other = (hb.HarmonicBalance(model, 8) for model in (known, whole))
     X = one.start(Omega=1.2021)
     np.testing.assert_allclose(solve(other, X, {"Omega": 1.2021}).X, X, rtol=0, atol=1e-7)
@@ -107,8 +110,12 @@ def test_tables(quantity, power, kind, tmp_path):
     f = np.linspace(0.1, 2.5, 40)
     H = np.array([by_force(2 * np.pi * each)[:2, :2] for each in f])
     given = H * ((2j * np.pi * f) ** power)[:, None, None]
-    files = {(a, b): table(tmp_path, f"{a}{b}.csv", f, given[:, i, j], kind)
-             for i, a in enumerate("ab") for j, b in enumerate("ab") if i <= j}  # fmt: skip
+    files = {
+        (a, b): table(tmp_path, f"{a}{b}.csv", f, given[:, i, j], kind)
+        for i, a in enumerate("ab")
+        for j, b in enumerate("ab")
+        if i <= j
+    }
     static = by_force(0.0)[:2, :2].real
     found = hb.io.from_receptances(files, static, quantity)
     np.testing.assert_allclose(found.omega, 2 * np.pi * f, rtol=1e-12)
@@ -126,10 +133,22 @@ def test_universal_files(tmp_path):
     for i, j, binary in ((0, 0, 0), (1, 0, 1), (1, 1, 0)):
         sign = -1 if i != j else 1  # a response in the negative direction
         one = pyuff.prepare_58(
-            binary=binary, func_type=4, rsp_node=i + 1, rsp_dir=3 * sign, ref_node=j + 1, ref_dir=3,
-            data=-sign * H[:, i, j] * (2 * np.pi * f) ** 2, x=f, abscissa_spacing=1, abscissa_spec_data_type=18,
-            ordinate_spec_data_type=12, orddenom_spec_data_type=13, rsp_ent_name="a", ref_ent_name="b", id1="test",
-        )  # fmt: skip
+            binary=binary,
+            func_type=4,
+            rsp_node=i + 1,
+            rsp_dir=3 * sign,
+            ref_node=j + 1,
+            ref_dir=3,
+            data=-sign * H[:, i, j] * (2 * np.pi * f) ** 2,
+            x=f,
+            abscissa_spacing=1,
+            abscissa_spec_data_type=18,
+            ordinate_spec_data_type=12,
+            orddenom_spec_data_type=13,
+            rsp_ent_name="a",
+            ref_ent_name="b",
+            id1="test",
+        )
         pyuff.UFF(str(path)).write_sets(one, "add")
     static = by_force(0.0)[:2, :2].real
     found = hb.io.from_receptances(path, static)
@@ -180,15 +199,18 @@ LINES = np.arange(1.0, 6.0)
 
 
 def on(measured, **changes):
-    return hb.System(np.eye(3), None, np.eye(3), measured.elements, measured.load, receptances=measured.receptances,
-                     **changes)  # fmt: skip
+    return hb.System(
+        np.eye(3), None, np.eye(3), measured.elements, measured.load, receptances=measured.receptances, **changes
+    )
 
 
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda m: hb.trace(hb.HarmonicBalance(m, 8), "Omega", (0.6, 2.5)),
-         "Omega from 0.6 to 2.5 with 8 harmonics needs receptances from 0.6 to 20; the lines are from 0.005 to 16"),
+        (
+            lambda m: hb.trace(hb.HarmonicBalance(m, 8), "Omega", (0.6, 2.5)),
+            "Omega from 0.6 to 2.5 with 8 harmonics needs receptances from 0.6 to 20; the lines are from 0.005 to 16",
+        ),
         (lambda m: hb.HarmonicBalance(m, 8).start(Omega=2.5), "a motion has the frequency 17.5"),
         (lambda m: hb.trace(hb.HarmonicBalance(m, 8, nu=2), "Omega", (0.008, 0.3)), "of Omega / 2 needs receptances"),
         (lambda m: hb.time.integrate(m, np.zeros(6), 1, 1.0), "a, b, c are known by receptances only"),
@@ -207,16 +229,20 @@ def on(measured, **changes):
         (lambda m: hb.mechanics.Receptances(LINES, ONE, ["x", "y"], [[1.0]]), "must be 1 different names"),
         (lambda m: hb.mechanics.Receptances(LINES, ONE, ["x"], [[1.0, 2.0]]), "static has shape"),
         (lambda m: hb.mechanics.Receptances(LINES, "some", ["x"], [[1.0]]), "complex numbers"),
-        (lambda m: hb.mechanics.Receptances(LINES, np.ones((5, 2, 2)), "xy", np.eye(2)),
-            "at omega = 1 different forces"),
+        (
+            lambda m: hb.mechanics.Receptances(LINES, np.ones((5, 2, 2)), "xy", np.eye(2)),
+            "at omega = 1 different forces",
+        ),
         (lambda m: hb.io.from_receptances({}), "there are no tables"),
         (lambda m: hb.io.from_receptances({"a": "a.csv"}), "names of response and force"),
         (lambda m: hb.io.from_receptances({("a", "a"): "a.csv"}, names={"a": "b"}), "leave names out"),
-        (lambda m: hb.io.from_receptances({("a", "a"): "nowhere.csv"}),
-            "cannot be read as a frequency response: No such"),
+        (
+            lambda m: hb.io.from_receptances({("a", "a"): "nowhere.csv"}),
+            "cannot be read as a frequency response: No such",
+        ),
         (lambda m: hb.io.from_receptances("nowhere.uff"), "there is no file 'nowhere.uff'"),
     ],
-)  # fmt: skip
+)
 def test_bad_input(make, message, measured):
     with pytest.raises(ValueError, match=message):
         make(measured)
@@ -233,9 +259,10 @@ def test_bad_tables(tmp_path):
         hb.io.from_receptances({("a", "a"): good}, "zero")
     for text, message in (
         ("1,2\n3,4", "need a frequency with real and imaginary part, or with magnitude and phase"),
-        ("a,b,c", "no rows of numbers"), ("", "no rows of numbers"),
+        ("a,b,c", "no rows of numbers"),
+        ("", "no rows of numbers"),
         ("1,2,x", "line 1: 'x' in the column 'imag' must be"),
-    ):  # fmt: skip
+    ):
         (tmp_path / "bad.csv").write_text(text)
         with pytest.raises(ValueError, match=message):
             hb.io.from_receptances({("a", "a"): tmp_path / "bad.csv"})

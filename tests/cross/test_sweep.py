@@ -257,8 +257,9 @@ def test_motions_that_run_away_are_one_basin(recwarn):
             stays = False
         assert found.label[row, column] == stays
     assert {text.get_text().partition(":")[0] for text in plot.basins(found).get_legend().texts} == {
-        "unbounded", f"period 1, rms {found.attractors[1].rms:.4g}"
-    }  # fmt: skip
+        "unbounded",
+        f"period 1, rms {found.attractors[1].rms:.4g}",
+    }
     plt.close("all")
     assert not recwarn.list
 

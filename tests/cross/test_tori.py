@@ -275,8 +275,11 @@ def test_an_end_near_a_simple_rotation_number_is_named_as_locking(tori):
     i = int(np.argmin(np.abs(tori.tracked["Omega_2"] / tori.values - 1 / 11)))
     turns = tori.tracked["Omega_2"][i] / tori.values[i]
     assert abs(turns - 1 / 11) < 1e-3
-    failed = replace(tori, status=hb.Status.STEP_TOO_SMALL, tracked={
-        "Omega_2": np.append(tori.tracked["Omega_2"][:-1], turns * tori.values[-1])})  # fmt: skip
+    failed = replace(
+        tori,
+        status=hb.Status.STEP_TOO_SMALL,
+        tracked={"Omega_2": np.append(tori.tracked["Omega_2"][:-1], turns * tori.values[-1])},
+    )
     assert "locking at 1/11" in locking_remark(failed)
     assert "locking" not in locking_remark(tori)
 

@@ -55,8 +55,14 @@ def test_weak_second_load_gives_the_multipliers_of_the_periodic_motion():
     periodic = hb.trace(hb.HarmonicBalance(duffing(), 9), "Omega", (1.15, 1.4))
     i = (periodic["LP1"].index + periodic["LP2"].index) // 2
     problem = hb.harmonic.TwoToneProblem(duffing(), RATIO, hb.Load(cosine={1: [1e-5]}), harmonics=(9, 3))
-    tori = hb.trace(problem, "Omega", (periodic.values[i], periodic.values[i] + 1e-4), cover=False, accuracy=None,
-                    start=_as_torus(problem, periodic[i]))  # fmt: skip
+    tori = hb.trace(
+        problem,
+        "Omega",
+        (periodic.values[i], periodic.values[i] + 1e-4),
+        cover=False,
+        accuracy=None,
+        start=_as_torus(problem, periodic[i]),
+    )
     assert abs(tori.multipliers[0, 0]) == pytest.approx(np.abs(periodic.multipliers[i]).max(), abs=1e-7)
 
 
@@ -94,8 +100,12 @@ def test_unstable_motion_departs_at_the_rate_of_growth(curve):
         return [y[1], load - 2 * ZETA * y[1] - y[0] - K3 * y[0] ** 3]
 
     times, small = period * np.array([6, 22]), 1e-7
-    both = [scipy.integrate.solve_ivp(full, (0, times[-1]), np.add(start, [e, 0.0]), "DOP853", times, rtol=1e-12,
-                                      atol=1e-13).y for e in (small, -small)]  # fmt: skip
+    both = [
+        scipy.integrate.solve_ivp(
+            full, (0, times[-1]), np.add(start, [e, 0.0]), "DOP853", times, rtol=1e-12, atol=1e-13
+        ).y
+        for e in (small, -small)
+    ]
     first, last = np.linalg.norm(both[0] - both[1], axis=0)
     assert math.log(last / first) / 16 == pytest.approx(growth, abs=0.1 * growth)
 

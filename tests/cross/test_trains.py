@@ -23,19 +23,48 @@ def double_helical(pair, **kwargs):
         x = distance if gear == "g" else 0.0
         wheels.append(
             hb.gears.Wheel(
-                name, inertia, getattr(pair, f"m_{gear}"), tilt_inertia=inertia, teeth=getattr(pair, f"teeth_{gear}"),
-                base_radius=getattr(pair, f"r_{gear}"), x=x, moves="space", torque=pair.torque if gear == "p" else 0.0,
+                name,
+                inertia,
+                getattr(pair, f"m_{gear}"),
+                tilt_inertia=inertia,
+                teeth=getattr(pair, f"teeth_{gear}"),
+                base_radius=getattr(pair, f"r_{gear}"),
+                x=x,
+                moves="space",
+                torque=pair.torque if gear == "p" else 0.0,
             )
-        )  # fmt: skip
+        )
         k = {axis: getattr(pair, f"k_{gear}{axis}") for axis in ("x", "y", "z", "thx", "thy")}
         c = {f"c_{axis}": getattr(pair, f"c_{gear}{axis}") for axis in "xyz"}
         bearings.append(hb.gears.Bearing(name, k["x"], k["y"], k["z"], k["thx"], k["thy"], damping=pair.zeta, **c))
     wheels[1] = hb.gears.Wheel(**{**vars(wheels[1]), "torque": pair.torque * pair.r_g / pair.r_p})
-    shafts = [hb.gears.Shaft.section(f"{g}L", f"{g}R", getattr(pair, f"outer_{g}"), pair.shaft_length,
-                               getattr(pair, f"inner_{g}"), pair.E, pair.poisson, pair.zeta) for g in "pg"]  # fmt: skip
+    shafts = [
+        hb.gears.Shaft.section(
+            f"{g}L",
+            f"{g}R",
+            getattr(pair, f"outer_{g}"),
+            pair.shaft_length,
+            getattr(pair, f"inner_{g}"),
+            pair.E,
+            pair.poisson,
+            pair.zeta,
+        )
+        for g in "pg"
+    ]
     error = hb.mechanics.Series(sine=tuple(-x * pair.b_c for x in pair.e))
-    meshes = [hb.gears.Mesh(f"p{half}", f"g{half}", pair.k_mean, pair.b_c, eps=pair.eps, error=error, damping=pair.zeta,
-                      helix_angle=-hand * pair.beta_mesh) for half, hand in (("L", 1), ("R", -1))]  # fmt: skip
+    meshes = [
+        hb.gears.Mesh(
+            f"p{half}",
+            f"g{half}",
+            pair.k_mean,
+            pair.b_c,
+            eps=pair.eps,
+            error=error,
+            damping=pair.zeta,
+            helix_angle=-hand * pair.beta_mesh,
+        )
+        for half, hand in (("L", 1), ("R", -1))
+    ]
     return hb.gears.Train(wheels, meshes, shafts, bearings, balance="gR", **kwargs)
 
 
@@ -111,9 +140,19 @@ def idler(places, teeth=(25, 30, 40), driver="in", turn=1.0, **kwargs):
     at = [(0.0, 0.0)] * 3
     for i, direction in zip((0, 2), places, strict=True):
         at[i] = ((r[i] + r[1]) * cos(direction), (r[i] + r[1]) * sin(direction))
-    wheels = [hb.gears.Wheel(name, 1e-3 * z / 25, 1.0, teeth=z, base_radius=x * cos(alpha), x=at[i][0], y=at[i][1],
-                       torque=turn * 100.0 if name == driver else 0.0)
-              for i, (name, z, x) in enumerate(zip(("in", "idler", "out"), teeth, r, strict=True))]  # fmt: skip
+    wheels = [
+        hb.gears.Wheel(
+            name,
+            1e-3 * z / 25,
+            1.0,
+            teeth=z,
+            base_radius=x * cos(alpha),
+            x=at[i][0],
+            y=at[i][1],
+            torque=turn * 100.0 if name == driver else 0.0,
+        )
+        for i, (name, z, x) in enumerate(zip(("in", "idler", "out"), teeth, r, strict=True))
+    ]
     meshes = [hb.gears.Mesh(a, b, 4e8, 4e-5, eps=(0.2,)) for a, b in (("in", "idler"), ("idler", "out"))]
     return hb.gears.Train(wheels, meshes, balance="out", **kwargs)
 
@@ -172,8 +211,10 @@ def test_phases_of_shifted_gears(x):
     """Shifts x of an idler and -x of its mates: the teeth of the idler have the thickness m (pi/2 + 2 x tan alpha) on
     the reference circle, on which all gears roll. The loaded flanks of planets are as far apart."""
     z, thick = 31, 0.5 + 2 * x * tan(radians(20)) / pi
-    one, idler, ring = (hb.gears.Gear(teeth, "3 mm", "20 mm", profile_shift=shift, internal=teeth > 50)
-                        for teeth, shift in ((40, -x), (z, x), (102, -x)))  # fmt: skip
+    one, idler, ring = (
+        hb.gears.Gear(teeth, "3 mm", "20 mm", profile_shift=shift, internal=teeth > 50)
+        for teeth, shift in ((40, -x), (z, x), (102, -x))
+    )
     pairs = hb.GearPair(one, idler, "80 um"), hb.GearPair(idler, one, "80 um")
     distance = pairs[0].working_center_distance
     assert distance == pytest.approx(3e-3 * (40 + z) / 2, rel=1e-12)
@@ -195,8 +236,10 @@ def test_a_mesh_whose_second_wheel_drives_runs_backwards(drawn):
     """The idler drives a smaller gear, whose mesh is given with the pinion first and with the driver first."""
     gears = [hb.gears.Gear(z, "3 mm", "20 mm", tip_relief=f"{relief} um") for z, relief in ((25, 10), (30, 0), (19, 8))]
     pairs = hb.GearPair(*gears[:2], "80 um"), hb.GearPair(*gears[1:], "80 um"), hb.GearPair(*gears[:0:-1], "80 um")
-    wheels = [hb.gears.Wheel.of(name, gear, x=x, torque=100.0 * (name == "in"))
-              for name, gear, x in zip(("in", "idler", "out"), gears, (0.0, 82.5e-3, 156e-3), strict=True)]  # fmt: skip
+    wheels = [
+        hb.gears.Wheel.of(name, gear, x=x, torque=100.0 * (name == "in"))
+        for name, gear, x in zip(("in", "idler", "out"), gears, (0.0, 82.5e-3, 156e-3), strict=True)
+    ]
     first = hb.gears.Mesh.of("in", "idler", pairs[0], 100.0)
     drives = hb.gears.Mesh.of("idler", "out", pairs[1], 120.0)
     driven = hb.gears.Mesh.of("out", "idler", pairs[2], 76.0)
@@ -223,8 +266,9 @@ def test_pitch_point_of_helical_teeth_is_in_the_middle_of_the_face():
     mesh of an idler with a narrower gear begins later, by half the difference of the overlap ratios."""
     equal = hb.GearPair(helical(30, "20 mm", 1), helical(30, "20 mm", -1), "80 um")
     mesh, tau = hb.gears.Mesh.of("a", "b", equal, 100.0), 2 * pi * (np.arange(50) + 0.37) / 50
-    later, earlier = (mesh.contacts.force(np.full(50, 2e-5), 0 * tau, mesh.pitch_phase + side * tau)[0]
-                      for side in (1, -1))  # fmt: skip
+    later, earlier = (
+        mesh.contacts.force(np.full(50, 2e-5), 0 * tau, mesh.pitch_phase + side * tau)[0] for side in (1, -1)
+    )
     np.testing.assert_allclose(later, earlier, rtol=2e-3)
     assert np.ptp(later) > 0.02 * later.mean()
     lags, overlaps = [], []
@@ -232,8 +276,10 @@ def test_pitch_point_of_helical_teeth_is_in_the_middle_of_the_face():
         gears = [helical(z, b, sign) for z, b, sign in zip((25, 30, 40), widths, (1, -1, 1), strict=True)]
         pairs = hb.GearPair(*gears[:2], "80 um"), hb.GearPair(*gears[1:], "80 um")
         places = np.cumsum([0.0, *(pair.working_center_distance for pair in pairs)])
-        wheels = [hb.gears.Wheel.of(name, gear, x=x, torque=100.0 * (name == "in"))
-                  for name, gear, x in zip(("in", "idler", "out"), gears, places, strict=True)]  # fmt: skip
+        wheels = [
+            hb.gears.Wheel.of(name, gear, x=x, torque=100.0 * (name == "in"))
+            for name, gear, x in zip(("in", "idler", "out"), gears, places, strict=True)
+        ]
         meshes = [hb.gears.Mesh.of("in", "idler", pairs[0], 100.0), hb.gears.Mesh.of("idler", "out", pairs[1], 120.0)]
         lags.append(hb.gears.Train(wheels, meshes, balance="out").lags["idler-out"] / (2 * pi))
         overlaps.append(pairs[0].overlap_ratio - pairs[1].overlap_ratio)
@@ -330,9 +376,12 @@ def test_functions_in_an_order():
 def ring(sun=20, outer=60):
     """A gear inside a ring that is driven by it."""
     alpha, m = radians(20), 3e-3
-    gears = [hb.gears.Wheel("sun", 1e-3, teeth=sun, base_radius=m * sun / 2 * cos(alpha), torque=50.0),
-             hb.gears.Wheel("ring", 1e-1, teeth=outer, base_radius=m * outer / 2 * cos(alpha), internal=True,
-                      x=m * (outer - sun) / 2)]  # fmt: skip
+    gears = [
+        hb.gears.Wheel("sun", 1e-3, teeth=sun, base_radius=m * sun / 2 * cos(alpha), torque=50.0),
+        hb.gears.Wheel(
+            "ring", 1e-1, teeth=outer, base_radius=m * outer / 2 * cos(alpha), internal=True, x=m * (outer - sun) / 2
+        ),
+    ]
     return hb.gears.Train(gears, [hb.gears.Mesh("sun", "ring", 4e8, 4e-5, eps=(0.2,))], balance="ring")
 
 
@@ -362,24 +411,40 @@ MESH = hb.gears.Mesh("a", "b", 4e8, 4e-5, eps=(0.1,))
         (lambda: hb.gears.Train([gear("a"), gear("b")], []), "at least one Mesh"),
         (lambda: hb.gears.Train([gear("a"), gear("a")], [MESH]), "two wheels have the name 'a'"),
         (lambda: hb.gears.Train([gear("a"), gear("c")], [MESH]), "there is no wheel 'b'"),
-        (lambda: hb.gears.Train([gear("a"), gear("b")], [MESH], [hb.gears.Shaft("a", "shaft", 1e5)]),
-            "no wheel 'shaft'"),
+        (
+            lambda: hb.gears.Train([gear("a"), gear("b")], [MESH], [hb.gears.Shaft("a", "shaft", 1e5)]),
+            "no wheel 'shaft'",
+        ),
         (lambda: hb.gears.Train([gear("a", torque=10.0), gear("b", torque=5.0)], [MESH]), "torques do not balance"),
         (lambda: hb.gears.Train([gear("a", torque=10.0), gear("b", torque=5.0)], [MESH], balance="b"), "keep one"),
         (lambda: hb.gears.Train([gear("a"), gear("b", x=0.05)], [MESH]), "collide"),
-        (lambda: hb.gears.Train([gear("a"), hb.gears.Wheel("b", 1e-3, teeth=21, base_radius=0.02)], [MESH]),
-            "ratio of the teeth"),
+        (
+            lambda: hb.gears.Train([gear("a"), hb.gears.Wheel("b", 1e-3, teeth=21, base_radius=0.02)], [MESH]),
+            "ratio of the teeth",
+        ),
         (lambda: hb.gears.Train([gear("a"), hb.gears.Wheel("b", 1e-3)], [MESH]), "'b' has no teeth"),
         (lambda: hb.gears.Train([gear("a"), gear("b", held=True)], [MESH]), "PlanetarySet"),
-        (lambda: hb.gears.Train([gear("a"), gear("b"), gear("c")],
-                          [MESH, hb.gears.Mesh("b", "c", 1e8, 1e-5), hb.gears.Mesh("c", "a", 1e8, 1e-5)]), "locked"),
-        (lambda: hb.gears.Train([gear("a"), gear("b"), gear("c"), gear("d")], [MESH, hb.gears.Mesh("c", "d", 1e8,
-            1e-5)]),
-         "does not turn with the first"),
+        (
+            lambda: hb.gears.Train(
+                [gear("a"), gear("b"), gear("c")],
+                [MESH, hb.gears.Mesh("b", "c", 1e8, 1e-5), hb.gears.Mesh("c", "a", 1e8, 1e-5)],
+            ),
+            "locked",
+        ),
+        (
+            lambda: hb.gears.Train(
+                [gear("a"), gear("b"), gear("c"), gear("d")], [MESH, hb.gears.Mesh("c", "d", 1e8, 1e-5)]
+            ),
+            "does not turn with the first",
+        ),
         (lambda: hb.gears.Train([gear("a", internal=True), gear("b", internal=True)], [MESH]), "two rings"),
         (lambda: hb.gears.Train([gear("a", 30), gear("b", internal=True)], [MESH]), "does not fit into"),
-        (lambda: hb.gears.Train([gear("a"), gear("b", x=0.06)],
-                          [hb.gears.Mesh("a", "b", 4e8, 4e-5, pressure_angle="30 deg")]), "omit one"),
+        (
+            lambda: hb.gears.Train(
+                [gear("a"), gear("b", x=0.06)], [hb.gears.Mesh("a", "b", 4e8, 4e-5, pressure_angle="30 deg")]
+            ),
+            "omit one",
+        ),
         (lambda: hb.gears.Train([gear("a"), gear("b")], MESH), "must be a list of Mesh"),
         (lambda: hb.gears.Wheel("a", 1e-3, teeth=20), "teeth and base_radius"),
         (lambda: hb.gears.Wheel("a", 1e-3, moves="plane"), "give its mass"),
@@ -398,7 +463,7 @@ MESH = hb.gears.Mesh("a", "b", 4e8, 4e-5, eps=(0.1,))
         (lambda: hb.gears.Bearing("a", table=3.0), "MatrixTable"),
         (lambda: hb.gears.Bearing("a", table=hb.mechanics.MatrixTable([1, 2], np.zeros((2, 3, 3)))), "for x and y"),
     ],
-)  # fmt: skip
+)
 def test_bad_input(make, said):
     with pytest.raises((ValueError, TypeError), match=said):
         make()
@@ -407,8 +472,10 @@ def test_bad_input(make, said):
 @pytest.mark.parametrize("mesh", ["teeth", "secant"])
 def test_a_train_of_two_helical_wheels_is_the_pair(mesh):
     """Transverse quantities of the pair are converted to the normal of the flanks: equal motions at equal speeds."""
-    gears = [hb.gears.Gear(z, "3 mm", "20 mm", helix_angle=h, tip_relief="10 um")
-             for z, h in ((25, "25 deg"), (40, "-25 deg"))]  # fmt: skip
+    gears = [
+        hb.gears.Gear(z, "3 mm", "20 mm", helix_angle=h, tip_relief="10 um")
+        for z, h in ((25, "25 deg"), (40, "-25 deg"))
+    ]
     pair = hb.GearPair(*gears, backlash="80 um")
     wheels = [hb.gears.Wheel.of("a", gears[0], torque="100 N m"), hb.gears.Wheel.of("b", gears[1])]
     meshed = hb.gears.Mesh.of("a", "b", pair, "100 N m", 0.04, mesh=mesh)
@@ -438,8 +505,10 @@ def test_forces_of_a_mesh_in_space_are_in_equilibrium(helix, ring):
     """Forces and moments about the centre of the first wheel, whose sum a pair of equal and opposite forces on one line
     does not have."""
     place, z = 0.8, 90 if ring else 40
-    gears = [hb.gears.Gear(n, "3 mm", "20 mm", helix_angle=radians(h), internal=ring and n == z)
-             for n, h in ((25, helix), (z, helix if ring else -helix))]  # fmt: skip
+    gears = [
+        hb.gears.Gear(n, "3 mm", "20 mm", helix_angle=radians(h), internal=ring and n == z)
+        for n, h in ((25, helix), (z, helix if ring else -helix))
+    ]
     pair = hb.GearPair(*gears, backlash="80 um")
     w = in_space(pair, place).mesh_vectors().reshape(2, 6)
     to_wheel = pair.working_center_distance * np.array([cos(place), sin(place), 0.0])

@@ -77,9 +77,14 @@ def test_a_gap_agrees_with_pieces_in_closed_form():
     )
     few = hb.StepControl(max_points=2)
     curve = hb.analysis.two_tones(
-        system, 1.905255888325765 / 1.1, (1.1, 1.2), load=hb.Load(cosine={1: [0.04]}), harmonics=(15, 15), dense=2,
+        system,
+        1.905255888325765 / 1.1,
+        (1.1, 1.2),
+        load=hb.Load(cosine={1: [0.04]}),
+        harmonics=(15, 15),
+        dense=2,
         steps=few,
-    )  # fmt: skip
+    )
     assert abs(curve[0].amplitude("mean") - 1.0894003212714038) < 1e-6
     assert abs(curve[0].amplitude("rms") - 0.10249375260864962) < 1e-6
     assert abs(velocity_rms(curve, 0) - 0.11166870616664852) < 1e-6
@@ -109,10 +114,15 @@ def settled(F0, F1, O1, F2, O2, zeta=0.05):
     ("loads", "half", "mean", "rms", "rms_v"),
     [
         ((0.1, 0.06, 0.75, 0.05, 1.0606601717798214), None, 0.93937491152327, 0.297706536249645, 0.21353094707357015),
-        ((0.3, 0.1, 0.9, 0.08, 0.5562305898749055), (1, 1), 1.1538858398971235, 0.5152116423050708,
-         0.39380323490236263),
+        (
+            (0.3, 0.1, 0.9, 0.08, 0.5562305898749055),
+            (1, 1),
+            1.1538858398971235,
+            0.5152116423050708,
+            0.39380323490236263,
+        ),
     ],
-)  # fmt: skip
+)
 def test_irregular_impacts_agree_with_pieces_in_closed_form(loads, half, mean, rms, rms_v):
     """Averages over 24 000 periods of pieces in closed form; the second motion lies on a doubled torus."""
     F0, F1, O1, F2, O2 = loads

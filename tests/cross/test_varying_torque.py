@@ -112,8 +112,9 @@ def test_orders_that_are_refused(given, message):
 
 def test_text_of_orders():
     assert parse_torque_orders("--torque-orders", "2: 60Nm, 1/2:5 N m 30deg") == {
-        "2": ("60Nm", "0 deg"), "1/2": ("5 N m", "30deg"),
-    }  # fmt: skip
+        "2": ("60Nm", "0 deg"),
+        "1/2": ("5 N m", "30deg"),
+    }
     with pytest.raises(ValueError, match="need each order with its amplitude"):
         parse_torque_orders("--torque-orders", "60Nm")
 
@@ -128,8 +129,10 @@ def test_a_mesh_for_another_torque_is_refused():
     wheels[0] = hb.gears.Wheel.of("a", three[0], torque="100 N m")
 
     def train(second):
-        meshes = [hb.gears.Mesh.of("a", "b", pairs[0], "100 N m", mesh="secant"),
-                  hb.gears.Mesh.of("b", "c", pairs[1], second, mesh="secant")]  # fmt: skip
+        meshes = [
+            hb.gears.Mesh.of("a", "b", pairs[0], "100 N m", mesh="secant"),
+            hb.gears.Mesh.of("b", "c", pairs[1], second, mesh="secant"),
+        ]
         return hb.gears.Train(wheels, meshes, balance="c")
 
     assert train("120 N m").torques["c"] == pytest.approx(-160.0)

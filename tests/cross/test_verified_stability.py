@@ -101,8 +101,13 @@ def test_an_exact_motion_on_the_other_side_of_a_fold_is_not_used():
     curve = hb.trace(problem, "Omega", (0.64, Omega), cover=False, special=False, accuracy=None)
     X = curve.X[-1]
     sign = int(np.linalg.slogdet(problem.linearise(X, "", Omega=Omega).dR_dX)[0])
-    observed = {"multipliers": curve.multipliers[-1], "error": curve.error[-1], "regime": curve.regime[-1],
-                "determinant": sign, "contradicts": True}  # fmt: skip
+    observed = {
+        "multipliers": curve.multipliers[-1],
+        "error": curve.error[-1],
+        "regime": curve.regime[-1],
+        "determinant": sign,
+        "contradicts": True,
+    }
     problem.verify_stability(X[None], "Omega", np.array([Omega]), [observed], {})
     finer = problem.with_order(1, 256)
     multipliers = finer.multipliers(solve(finer, finer.resized(X), {"Omega": Omega}).X, Omega=Omega)
@@ -188,10 +193,20 @@ def test_small_multipliers_that_are_rounding_are_no_period_doublings():
 def test_two_multipliers_that_pass_together_have_a_doubling_each():
     """A planetary set: multipliers 1e-5 apart pass -1 within 4e-7 of Omega, and a slow sweep leaves there."""
     planets = hb.gears.PlanetarySet(
-        26, 38, 102, planets=4, torque=377.0804699071937, zeta=0.0638684660852385, zeta_b=0.03993897318124806,
-        b_sp=3.9700532168119484e-05, b_rp=1.7135056004278744e-05, eps_sp=(0.25911137806391893, 0.05),
-        eps_rp=(0.09633942894663837, 0.04), e_sp=(1.4453354116209893e-06,), e_rp=(2.0164792541625583e-06,),
-    )  # fmt: skip
+        26,
+        38,
+        102,
+        planets=4,
+        torque=377.0804699071937,
+        zeta=0.0638684660852385,
+        zeta_b=0.03993897318124806,
+        b_sp=3.9700532168119484e-05,
+        b_rp=1.7135056004278744e-05,
+        eps_sp=(0.25911137806391893, 0.05),
+        eps_rp=(0.09633942894663837, 0.04),
+        e_sp=(1.4453354116209893e-06,),
+        e_rp=(2.0164792541625583e-06,),
+    )
     curve = hb.trace(hb.HarmonicBalance(planets, 8), "Omega", (1.23, 1.262))
     near = [p for p in curve.special if p.kind == "PD" and abs(p.parameters["Omega"] - 1.236475) < 2e-5]
     assert len(near) == 2

@@ -32,30 +32,77 @@ Random = np.random.Generator
 MODELS = ["spur-pair", "duffing", "duffing", "rotor-bearing", "double-helical", "no-such", "", "Spur-Pair", "spur pair"]
 NAMES = ["zeta", "F_m", "b", "e", "eps", "k3", "F", "Omega", "phase", "nope", "", "e_scale", "torque", "b_c", "k_mean"]
 NUMBERS = [
-    "0.05", "0.1", "1", "0.3", "1.5", "2", "0", "-1", "-0.5", "1e-300", "1e300", "inf", "nan", "-inf", "x", "",
-    "1,2", "0.05,0.02", "0.1,,0.2", "12000", "80", "1_000", "٣", "0x10", "1e", "True", "1" * 400,
-]  # fmt: skip
+    "0.05",
+    "0.1",
+    "1",
+    "0.3",
+    "1.5",
+    "2",
+    "0",
+    "-1",
+    "-0.5",
+    "1e-300",
+    "1e300",
+    "inf",
+    "nan",
+    "-inf",
+    "x",
+    "",
+    "1,2",
+    "0.05,0.02",
+    "0.1,,0.2",
+    "12000",
+    "80",
+    "1_000",
+    "٣",
+    "0x10",
+    "1e",
+    "True",
+    "1" * 400,
+]
 COUNTS = ["1", "2", "3", "0", "-1", "1.5", "x", "", "99999999", "1" * 30, "+2", "²", "inf"]
 SPANS = {"--from": ["0.8", "0.5", "1.5", "0.05"], "--to": ["1.1", "0.3", "0.9", "0.2"]}
 TEXTS = ["", "x", "LP1", "GR1", "PD1", "0.9", "1.0", "rms", "H1", "H0", "H99999999999", "'", "a\nb", "é", "--", "../x"]
 MEASURES = ["pp2", "rms", "max", "mean", "H1", "H2", "H1/2", "H0", "H99", "h1", "", "pp", "H1/0", "H" + "9" * 5000]
 ELEMENTS = ["0", "1", "-1", "mesh", "spring", "x", "", "9" * 30, "²", "0.0"]
 FIXED = {
-    "trace": ["--max-points", "12", "--harmonics", "3"], "map": ["--harmonics", "3", "--seeds", "2"],
-    "critical": ["--harmonics", "3"], "survey": ["--harmonics", "3", "--frequencies", "1", "--guesses", "1"],
-    "sweep": ["--count", "2", "--max-periods", "20", "--tolerance", "1e-2"], "validate": ["--points", "1"],
-    "redesign": ["--harmonics", "2", "--from", "1.4", "--to", "0.8"], "fit": ["--harmonics", "2", "--starts", "1"],
-    "study": ["--processes", "1"], "explore": ["--no-browser"], "basins": ["--shape", "6,6", "--tolerance", "1e-2"],
-    "backbone": ["--harmonics", "3", "--amplitudes", "0.01:0.05"], "cycles": ["--harmonics", "3"],
+    "trace": ["--max-points", "12", "--harmonics", "3"],
+    "map": ["--harmonics", "3", "--seeds", "2"],
+    "critical": ["--harmonics", "3"],
+    "survey": ["--harmonics", "3", "--frequencies", "1", "--guesses", "1"],
+    "sweep": ["--count", "2", "--max-periods", "20", "--tolerance", "1e-2"],
+    "validate": ["--points", "1"],
+    "redesign": ["--harmonics", "2", "--from", "1.4", "--to", "0.8"],
+    "fit": ["--harmonics", "2", "--starts", "1"],
+    "study": ["--processes", "1"],
+    "explore": ["--no-browser"],
+    "basins": ["--shape", "6,6", "--tolerance", "1e-2"],
+    "backbone": ["--harmonics", "3", "--amplitudes", "0.01:0.05"],
+    "cycles": ["--harmonics", "3"],
     "gear": ["--harmonics", "2"],
-}  # fmt: skip
+}
 """Options that keep a valid command short; a random option after them may override them."""
 
 WEIGHTS = {
-    "trace": 8, "info": 3, "jumps": 2, "plot": 1, "validate": 1, "switch": 2, "sweep": 2, "critical": 1, "map": 1,
-    "survey": 1, "study": 1, "basins": 1, "models": 0.2, "campbell": 1, "explore": 3,
-    "report": 4, "sensitivity": 4, "fit": 3,
-}  # fmt: skip
+    "trace": 8,
+    "info": 3,
+    "jumps": 2,
+    "plot": 1,
+    "validate": 1,
+    "switch": 2,
+    "sweep": 2,
+    "critical": 1,
+    "map": 1,
+    "survey": 1,
+    "study": 1,
+    "basins": 1,
+    "models": 0.2,
+    "campbell": 1,
+    "explore": 3,
+    "report": 4,
+    "sensitivity": 4,
+    "fit": 3,
+}
 
 
 def run_command(args: list[str], folder: Path) -> tuple[int | None, str, str, BaseException | None]:

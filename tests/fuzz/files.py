@@ -78,13 +78,59 @@ MEASURED = {
 """Tables of measured points, the last two of which are none."""
 
 NASTY: list[Any] = [
-    None, True, False, 0, 1, -1, 2, 1.5, -0.0, 1e308, -1e308, float("nan"), float("inf"), 10**30, -(10**30), 2**63,
-    10**9, "", "x", "Omega", "0.05", "é", "\u0000", "x" * 3000, "nan", "Branch", "header", "values", [], {}, [[]],
-    [1, 2], [None], {"a": 1}, {"__array__": "values"}, {"__array__": "X"}, {"__array__": "header"}, {"__array__": 3},
-    {"__array__": None}, {"__array__": []}, {"__array__": "no"}, {"__tuple__": []}, {"__tuple__": 3},
-    {"__tuple__": None}, {"__tuple__": {"a": 1}}, {"__class__": "Branch"}, {"__class__": "Point"}, {"__class__": []},
-    {"__class__": "Layout", "harmonics": 3}, {"__class__": "os"}, {"__class__": None}, {"__class__": "__init__"},
-]  # fmt: skip
+    None,
+    True,
+    False,
+    0,
+    1,
+    -1,
+    2,
+    1.5,
+    -0.0,
+    1e308,
+    -1e308,
+    float("nan"),
+    float("inf"),
+    10**30,
+    -(10**30),
+    2**63,
+    10**9,
+    "",
+    "x",
+    "Omega",
+    "0.05",
+    "é",
+    "\u0000",
+    "x" * 3000,
+    "nan",
+    "Branch",
+    "header",
+    "values",
+    [],
+    {},
+    [[]],
+    [1, 2],
+    [None],
+    {"a": 1},
+    {"__array__": "values"},
+    {"__array__": "X"},
+    {"__array__": "header"},
+    {"__array__": 3},
+    {"__array__": None},
+    {"__array__": []},
+    {"__array__": "no"},
+    {"__tuple__": []},
+    {"__tuple__": 3},
+    {"__tuple__": None},
+    {"__tuple__": {"a": 1}},
+    {"__class__": "Branch"},
+    {"__class__": "Point"},
+    {"__class__": []},
+    {"__class__": "Layout", "harmonics": 3},
+    {"__class__": "os"},
+    {"__class__": None},
+    {"__class__": "__init__"},
+]
 
 
 @cache
@@ -244,13 +290,40 @@ def _headers_of_arrays(rng: Random, data: bytes) -> bytes:
     start = 10 + struct.unpack_from("<H", content, 8)[0]
     text, body = content[10:start].decode("latin1"), content[start:]
     descr = [
-        "<f8", "|O", "<f4", ">f8", "<i8", "<c16", "|S8", "<U2", "|V8", "<M8[s]", "|b1", "<f16", "x", "<U999999999",
-        "|S0", [("a", "<f8")],
-    ][int(rng.integers(16))]  # fmt: skip
+        "<f8",
+        "|O",
+        "<f4",
+        ">f8",
+        "<i8",
+        "<c16",
+        "|S8",
+        "<U2",
+        "|V8",
+        "<M8[s]",
+        "|b1",
+        "<f16",
+        "x",
+        "<U999999999",
+        "|S0",
+        [("a", "<f8")],
+    ][int(rng.integers(16))]
     shape: Any = [
-        (), (3,), (-1,), (0,), (10**12,), (2**62, 2), (4, 10**9), (1, 1), (0, 10**18), (2**70,), "x", (1.5,),
-        (None,), (10**8,), tuple([1] * 40),
-    ][int(rng.integers(15))]  # fmt: skip
+        (),
+        (3,),
+        (-1,),
+        (0,),
+        (10**12,),
+        (2**62, 2),
+        (4, 10**9),
+        (1, 1),
+        (0, 10**18),
+        (2**70,),
+        "x",
+        (1.5,),
+        (None,),
+        (10**8,),
+        tuple([1] * 40),
+    ][int(rng.integers(15))]
     kept = str(shape) if rng.random() < 0.6 else text[text.index("'shape': ") + 9 : text.index(")") + 1]
     what = f"{{'descr': {descr!r}, 'fortran_order': False, 'shape': {kept}, }}"
     match rng.integers(6):
@@ -271,16 +344,31 @@ def _arrays(rng: Random, data: bytes) -> bytes:
     name = str(rng.choice(list(arrays)))
     x = arrays[name]
     choices: list[Callable[[], Any]] = [
-        lambda: np.full(x.shape, np.nan), lambda: np.full(x.shape, np.inf), lambda: np.full(x.shape, 1e308),
-        lambda: x[:-1] if x.ndim else x, lambda: x.reshape(-1), lambda: x[None], lambda: np.zeros(0),
-        lambda: x[:0] if x.ndim else x, lambda: np.array("text"), lambda: np.array([b"x"] * max(x.size, 1)),
-        lambda: np.zeros(x.shape, dtype=complex), lambda: np.full(x.shape, 5 + 3j), lambda: np.full(x.shape, "1.5"),
-        lambda: np.zeros(x.shape, dtype="M8[s]"), lambda: np.full(x.shape, -7), lambda: np.full(x.shape, 2**40),
-        lambda: np.zeros((1, 1, 1)), lambda: np.zeros(x.shape, dtype=bool),
-        lambda: np.concatenate([x, x]) if x.ndim else x, lambda: x[..., :-1] if x.ndim > 1 else x,
-        lambda: np.zeros(x.shape, dtype=[("a", float)]), lambda: np.array({}), lambda: np.zeros((0, 0)),
+        lambda: np.full(x.shape, np.nan),
+        lambda: np.full(x.shape, np.inf),
+        lambda: np.full(x.shape, 1e308),
+        lambda: x[:-1] if x.ndim else x,
+        lambda: x.reshape(-1),
+        lambda: x[None],
+        lambda: np.zeros(0),
+        lambda: x[:0] if x.ndim else x,
+        lambda: np.array("text"),
+        lambda: np.array([b"x"] * max(x.size, 1)),
+        lambda: np.zeros(x.shape, dtype=complex),
+        lambda: np.full(x.shape, 5 + 3j),
+        lambda: np.full(x.shape, "1.5"),
+        lambda: np.zeros(x.shape, dtype="M8[s]"),
+        lambda: np.full(x.shape, -7),
+        lambda: np.full(x.shape, 2**40),
+        lambda: np.zeros((1, 1, 1)),
+        lambda: np.zeros(x.shape, dtype=bool),
+        lambda: np.concatenate([x, x]) if x.ndim else x,
+        lambda: x[..., :-1] if x.ndim > 1 else x,
+        lambda: np.zeros(x.shape, dtype=[("a", float)]),
+        lambda: np.array({}),
+        lambda: np.zeros((0, 0)),
         lambda: np.where(np.arange(x.size).reshape(x.shape) == 1, np.nan, x) if x.dtype.kind in "fc" else x,
-    ]  # fmt: skip
+    ]
     arrays[name] = choices[int(rng.integers(len(choices)))]()
     return _saved(arrays)
 
@@ -362,11 +450,24 @@ def _header(rng: Random, data: bytes) -> bytes:
         new = _text_of(edited)
     else:
         texts = [
-            "", "null", "[]", "{}", "3", '"x"', "NaN", "[" * 100000, text[: len(text) // 2], text + text,
-            text.replace(":", "="), text.replace('"schema": 1', '"schema": 1, "schema": 99'),
-            text.replace('"schema": 1', '"schema": 99'), text.replace('"schema": 1', '"schema": "1"'),
-            text.replace("0.0", "9" * 5000), text.replace("0.0", "1e999"), "\ufeff" + text,
-        ]  # fmt: skip
+            "",
+            "null",
+            "[]",
+            "{}",
+            "3",
+            '"x"',
+            "NaN",
+            "[" * 100000,
+            text[: len(text) // 2],
+            text + text,
+            text.replace(":", "="),
+            text.replace('"schema": 1', '"schema": 1, "schema": 99'),
+            text.replace('"schema": 1', '"schema": 99'),
+            text.replace('"schema": 1', '"schema": "1"'),
+            text.replace("0.0", "9" * 5000),
+            text.replace("0.0", "1e999"),
+            "\ufeff" + text,
+        ]
         new = texts[int(rng.integers(len(texts)))]
     whole = [lambda: np.array(new), lambda: np.array([new, new]), lambda: np.array(new.encode()), lambda: np.array(3.0)]
     arrays["header"] = whole[0 if rng.random() < 0.93 else int(rng.integers(4))]()
@@ -405,9 +506,15 @@ def attempt_branch(rng: Random, folder: Path, note: pool.Note) -> pool.Wrong | N
 
 def _command(rng: Random, file: str) -> list[str]:
     commands = [
-        ["info"], ["jumps"], ["plot", "-o", "out.svg"], ["plot", "--point", "LP1", "-o", "out.svg"],
-        ["switch", "LP1"], ["switch", "PD1"], ["validate", "--points", "1"], ["sweep", "duffing", "--curve"],
-    ]  # fmt: skip
+        ["info"],
+        ["jumps"],
+        ["plot", "-o", "out.svg"],
+        ["plot", "--point", "LP1", "-o", "out.svg"],
+        ["switch", "LP1"],
+        ["switch", "PD1"],
+        ["validate", "--points", "1"],
+        ["sweep", "duffing", "--curve"],
+    ]
     shares = [0.34, 0.2, 0.08, 0.03, 0.05, 0.1, 0.1, 0.1]
     name, *rest = commands[int(rng.choice(len(commands), p=shares))]
     if name == "sweep":
@@ -593,12 +700,46 @@ def attempt_store(rng: Random, folder: Path, note: pool.Note) -> pool.Wrong | No
 
 
 VALUES = [
-    "nan", "inf", "-1", "0", "1e400", "true", '"x"', '""', "[]", "{}", "[1,2,3]", '["uniform", 0.1]', "1979-05-27",
-    "9" * 5000, "0x7f", '"\\u00e9"', "[[1]]", "[nan, 1]", '["uniform", "a", 1]', '["normal", 0.1, inf]', "1_000",
-    "é", "[0.1, 0.1]", '["uniform", 0.2, 0.1]', "{a = 1}", "12:30:00", "99999999999", '"latin-hypercube"', "[true]",
-    '["peak", 3]', "-0.0", '"' + "x" * 5000 + '"', "[" * 500, "'''a\nb'''", "10_000_000", '"H1"', '"H999"',
-    '[["uniform"]]', "[0.6, 0.6]",
-]  # fmt: skip
+    "nan",
+    "inf",
+    "-1",
+    "0",
+    "1e400",
+    "true",
+    '"x"',
+    '""',
+    "[]",
+    "{}",
+    "[1,2,3]",
+    '["uniform", 0.1]',
+    "1979-05-27",
+    "9" * 5000,
+    "0x7f",
+    '"\\u00e9"',
+    "[[1]]",
+    "[nan, 1]",
+    '["uniform", "a", 1]',
+    '["normal", 0.1, inf]',
+    "1_000",
+    "é",
+    "[0.1, 0.1]",
+    '["uniform", 0.2, 0.1]',
+    "{a = 1}",
+    "12:30:00",
+    "99999999999",
+    '"latin-hypercube"',
+    "[true]",
+    '["peak", 3]',
+    "-0.0",
+    '"' + "x" * 5000 + '"',
+    "[" * 500,
+    "'''a\nb'''",
+    "10_000_000",
+    '"H1"',
+    '"H999"',
+    '[["uniform"]]',
+    "[0.6, 0.6]",
+]
 
 
 def attempt_study(rng: Random, folder: Path, note: pool.Note) -> pool.Wrong | None:
@@ -608,8 +749,15 @@ def attempt_study(rng: Random, folder: Path, note: pool.Note) -> pool.Wrong | No
     _clear(folder)
     lines = str(rng.choice([STUDY, SAMPLE])).splitlines()
     keys = [line.split(" = ")[0] for line in lines if " = " in line] + [
-        "nope", "é", '"a b"', "model.x", "k3", "b", "eps", "critical",
-    ]  # fmt: skip
+        "nope",
+        "é",
+        '"a b"',
+        "model.x",
+        "k3",
+        "b",
+        "eps",
+        "critical",
+    ]
     tables = [line for line in lines if line.startswith("[")] + ["[nope]", "[[grid]]", "[compute.what]", "[", "[é]"]
     for _ in range(int(rng.geometric(0.6))):
         at = int(rng.integers(len(lines)))

@@ -192,11 +192,17 @@ def _is(*values: Any) -> list[Callable[[], Any]]:
 
 
 GEAR: Pool = {
-    "teeth": _is(25, 40), "module": _is("3 mm", 3e-3), "face_width": _is("20 mm", 0.02),
+    "teeth": _is(25, 40),
+    "module": _is("3 mm", 3e-3),
+    "face_width": _is("20 mm", 0.02),
     "pressure_angle": _is("20 deg"),
-    "helix_angle": _is("10 deg", 0.0, -0.2), "profile_shift": _is(0.2, "0.1"), "internal": _is(False),
-    "tip_relief": _is("10 um", 0.0), "E": _is("206 GPa"), "density": _is(7850.0),
-}  # fmt: skip
+    "helix_angle": _is("10 deg", 0.0, -0.2),
+    "profile_shift": _is(0.2, "0.1"),
+    "internal": _is(False),
+    "tip_relief": _is("10 um", 0.0),
+    "E": _is("206 GPa"),
+    "density": _is(7850.0),
+}
 
 
 def rotor() -> Any:
@@ -233,16 +239,28 @@ def drawing() -> hb.GearPair:
 
 SYSTEM: Pool = {
     "M": [lambda: np.eye(2), lambda: [[1, 0], [0, 1]], lambda: sparse.eye_array(2)],
-    "C": [lambda: 0.1 * np.eye(2), lambda: None], "K": [lambda: np.array([[2.0, -1.0], [-1.0, 2.0]])],
+    "C": [lambda: 0.1 * np.eye(2), lambda: None],
+    "K": [lambda: np.array([[2.0, -1.0], [-1.0, 2.0]])],
     "elements": [lambda: [hb.Element([1.0, 0.0], hb.Unilateral(gap=1.0))]],
     # loads on both coordinates: with an uncoupled K, a load on the second one alone would leave the element at rest
-    "load": [lambda: hb.Load(cosine={1: [0.1, 0.2]})], "dof_names": _is((), ("a", "b")),
-}  # fmt: skip
+    "load": [lambda: hb.Load(cosine={1: [0.1, 0.2]})],
+    "dof_names": _is((), ("a", "b")),
+}
 
 RECORDS = {
-    "Branch", "Jump", "NewtonSettings", "NoConvergence", "Point", "Progress", "ProgressCallback", "SpecialPoint",
-    "Status", "StepControl", "__version__", "save",
-}  # fmt: skip
+    "Branch",
+    "Jump",
+    "NewtonSettings",
+    "NoConvergence",
+    "Point",
+    "Progress",
+    "ProgressCallback",
+    "SpecialPoint",
+    "Status",
+    "StepControl",
+    "__version__",
+    "save",
+}
 """Public names that users do not call: results, exceptions and types."""
 
 

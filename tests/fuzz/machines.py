@@ -27,11 +27,42 @@ Random = np.random.Generator
 Table = dict[str, Any]
 
 NASTY = [
-    "nan", "inf", "-1", "0", "1e400", "true", '"x"', '""', "[]", "{}", "[1,2,3]", "1979-05-27", "9" * 5000, "0x7f",
-    '"1 parsec"', '"3 mm"', '"-80 um"', '"1e300 N m"', '"é"', "'''a\nb'''", "[" * 500, "{a = 1}", '"../x"', "[[1]]",
-    "1e-300", "1e300", "10_000_000", '"200 N"', '"nan m"', "[0.1, nan]", '"' + "x" * 5000 + '"', "-0.0", "25.5",
-    '"M.mtx"', '"/dev/zero"',
-]  # fmt: skip
+    "nan",
+    "inf",
+    "-1",
+    "0",
+    "1e400",
+    "true",
+    '"x"',
+    '""',
+    "[]",
+    "{}",
+    "[1,2,3]",
+    "1979-05-27",
+    "9" * 5000,
+    "0x7f",
+    '"1 parsec"',
+    '"3 mm"',
+    '"-80 um"',
+    '"1e300 N m"',
+    '"é"',
+    "'''a\nb'''",
+    "[" * 500,
+    "{a = 1}",
+    '"../x"',
+    "[[1]]",
+    "1e-300",
+    "1e300",
+    "10_000_000",
+    '"200 N"',
+    '"nan m"',
+    "[0.1, nan]",
+    '"' + "x" * 5000 + '"',
+    "-0.0",
+    "25.5",
+    '"M.mtx"',
+    '"/dev/zero"',
+]
 """Values that are put in the place of others."""
 
 
@@ -77,8 +108,11 @@ def pair_file(rng: Random) -> Table:
     if form == "torsion":
         return tree
     support = {"stiffness": "3e8 N/m", "damping": 0.02}
-    return tree | {"support": {side: support | ({"tilt": "5e5 N m/rad"} if form == "spatial" else {})
-                               for side in ("pinion", "wheel")}}  # fmt: skip
+    return tree | {
+        "support": {
+            side: support | ({"tilt": "5e5 N m/rad"} if form == "spatial" else {}) for side in ("pinion", "wheel")
+        }
+    }
 
 
 def train_file(rng: Random) -> Table:
@@ -162,8 +196,10 @@ def structure_file(rng: Random) -> Table:
         case 1:
             part = {"matrices": {"file": str(rng.choice(["all.mat", "all.npz"])), "names": names, "ratio": 0.05}}
         case _:
-            tables = [{"response": a, "force": b, "file": f"{a}{b}.csv"}
-                      for a, b in (("shaft", "shaft"), ("shaft", "case"), ("case", "case"))]  # fmt: skip
+            tables = [
+                {"response": a, "force": b, "file": f"{a}{b}.csv"}
+                for a, b in (("shaft", "shaft"), ("shaft", "case"), ("case", "case"))
+            ]
             part = {"receptances": {"tables": tables}}
     return part | {"element": elements, "load": [load]}
 

@@ -25,8 +25,16 @@ from .files import _bytes, _clean
 
 Random = np.random.Generator
 
-FREQUENCIES = {"Hz": 1.0, "kHz": 1e3, "KHZ": 1e3, "r/min": 1 / 60, "rpm": 1 / 60, "U/min": 1 / 60, "min^-1": 1 / 60,
-               "rad/s": 0.15915494309189535}  # fmt: skip
+FREQUENCIES = {
+    "Hz": 1.0,
+    "kHz": 1e3,
+    "KHZ": 1e3,
+    "r/min": 1 / 60,
+    "rpm": 1 / 60,
+    "U/min": 1 / 60,
+    "min^-1": 1 / 60,
+    "rad/s": 0.15915494309189535,
+}
 COMPLIANCES = {"m/N": 1.0, "mm/N": 1e-3, "um/N": 1e-6, "µm/N": 1e-6, "mm/kN": 1e-6, "m/MN": 1e-6}
 LENGTHS = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "nm": 1e-9}
 STIFFNESSES = {"N/m": 1.0, "N/um": 1e6, "N/µm": 1e6, "kN/mm": 1e6, "N/mm": 1e3, "MN/m": 1e6}
@@ -34,8 +42,26 @@ ANGLES = {"deg": 1.0, "°": 1.0, "Deg": 1.0, "rad": 57.29577951308232, "mrad": 0
 CYCLES = {"cycle": 1.0, "-": 1.0, "deg": 1 / 360, "°": 1 / 360, "rad": 0.15915494309189535}
 BAD_UNITS = ("furlong^7", "K", "é", "V", "?", "Hz^2", "N/", "[", "1e999 m", "m" * 200)
 BAD_NAMES = ("qqq", "Temperatur", "時間", "column 1", "re2", "=A1+1", "None", "a" * 500)
-BAD_CELLS = ("x", "1e", "nan", "inf", "-inf", "1_0", "1.2.3", "--1", "\u0663", "0x10", "1" * 300, "1e400", "#N/A",
-             "True", "1.234.567", "=1+1", "1 000", "\u00bd")  # fmt: skip
+BAD_CELLS = (
+    "x",
+    "1e",
+    "nan",
+    "inf",
+    "-inf",
+    "1_0",
+    "1.2.3",
+    "--1",
+    "\u0663",
+    "0x10",
+    "1" * 300,
+    "1e400",
+    "#N/A",
+    "True",
+    "1.234.567",
+    "=1+1",
+    "1 000",
+    "\u00bd",
+)
 MARKS = (",", ";", "\t", " ", "   ", ", ", "; ", " ; ", "\t\t"[:1])
 ENCODINGS = ("utf-8", "utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "latin-1", "cp1252")
 REMARKS = ("# made in May", "% T = 20, p = 1", "// rig 2", "! 3 runs; 2 sweeps", "#", "   # a, b, c")
@@ -116,8 +142,10 @@ def sweeps(rng: Random) -> Made:
     )
     factor = {"kHz": 1e3}.get(unit, 1.0)
     amplitude = column(rng, rng.uniform(1e-6, 9e-5, count), LENGTHS[length])
-    parts = [(pick(rng, names), unit, *column(rng, rng.uniform(0.1, 2.0, count) * (1 if unit == "-" else 1e3), factor)),
-             (pick(rng, ("dte", "x", "amplitude", "Displacement")), length, *amplitude)]  # fmt: skip
+    parts = [
+        (pick(rng, names), unit, *column(rng, rng.uniform(0.1, 2.0, count) * (1 if unit == "-" else 1e3), factor)),
+        (pick(rng, ("dte", "x", "amplitude", "Displacement")), length, *amplitude),
+    ]
     if rng.random() < 0.6:
         words = [
             pick(rng, (("up", 1), ("down", -1), ("Rising", 1), ("FALLING", -1), ("+1", 1), ("-1", -1)))
@@ -197,16 +225,29 @@ def read_cycle(path: Path, made: Made) -> list[tuple[Any, Any]]:
 
 def read_sweeps(path: Path, made: Made) -> list[tuple[Any, Any]]:
     data = hb.design.read_measurements(path)
-    roles = {"n": "frequency", "speed": "frequency", "pinion_speed": "frequency", "rpm": "frequency", "f": "frequency",
-             "omega": "frequency", "dte": "amplitude", "x": "amplitude", "displacement": "amplitude",
-             "sweep": "directions", "direction": "directions", "std": "deviation"}  # fmt: skip
+    roles = {
+        "n": "frequency",
+        "speed": "frequency",
+        "pinion_speed": "frequency",
+        "rpm": "frequency",
+        "f": "frequency",
+        "omega": "frequency",
+        "dte": "amplitude",
+        "x": "amplitude",
+        "displacement": "amplitude",
+        "sweep": "directions",
+        "direction": "directions",
+        "std": "deviation",
+    }
     fields = [roles.get(name.lower(), name.lower()) for name in made.names]
     return [(getattr(data, name), values) for name, values in zip(fields, made.numbers, strict=True)]
 
 
 KINDS: tuple[tuple[Callable[[Random], Made], Callable[[Path, Made], list[tuple[Any, Any]]]], ...] = (
-    (response, read_response), (cycle, read_cycle), (sweeps, read_sweeps),
-)  # fmt: skip
+    (response, read_response),
+    (cycle, read_cycle),
+    (sweeps, read_sweeps),
+)
 
 
 def attempt_table(rng: Random, folder: Path, note: pool.Note) -> pool.Wrong | None:

@@ -6,9 +6,12 @@ import pytest
 from fuzz import commands, files, inputs, machines, pool, tables
 
 SHORT = {
-    "files": (files, 70), "inputs": (inputs, 180), "commands": (commands, 24), "tables": (tables, 250),
+    "files": (files, 70),
+    "inputs": (inputs, 180),
+    "commands": (commands, 24),
+    "tables": (tables, 250),
     "machines": (machines, 60),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize(("fuzzer", "count"), SHORT.values(), ids=SHORT)

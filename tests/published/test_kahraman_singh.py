@@ -35,8 +35,10 @@ def refined_peak(problem, near, measure):
     Omega = near.parameters["Omega"]
     found = minimize_scalar(
         lambda w: -measure(solve(problem, near.X, {"Omega": w}).X),
-        bounds=(Omega - 0.004, Omega + 0.004), method="bounded", options={"xatol": 1e-7},
-    )  # fmt: skip
+        bounds=(Omega - 0.004, Omega + 0.004),
+        method="bounded",
+        options={"xatol": 1e-7},
+    )
     return found.x, -found.fun
 
 

@@ -98,8 +98,9 @@ def test_missing_and_false_points(campaign):
     curve = campaign.truth.traced(it, 16)
     fold = next(p for p in curve.special if p.kind == "LP")
     without = replace(curve, special=tuple(p for p in curve.special if p is not fold))
-    (gone,) = [p for p in campaign.truth.special_points(it, without, curve, np.random.default_rng(0))
-               if np.isnan(p.Omega)]  # fmt: skip
+    (gone,) = [
+        p for p in campaign.truth.special_points(it, without, curve, np.random.default_rng(0)) if np.isnan(p.Omega)
+    ]
     assert gone.kind == "LP" and gone.true == pytest.approx(fold.parameters["Omega"], abs=1e-6)
     row = curve[len(curve) // 8]
     here = {**vars(fold), "X": row.X, "parameters": row.parameters, "index": len(curve) // 8, "label": "LP9"}
@@ -139,8 +140,13 @@ def test_contradicted_ends_are_detected(campaign):
 def test_long_traces_are_interrupted(campaign, monkeypatch):
     monkeypatch.setattr(campaign, "SECONDS", 0.05)
     slow = campaign.Machine("two", 1, hb.SpurPair(), (1.5, 0.3))
-    monkeypatch.setattr(campaign.truth, "traced", lambda it, H: hb.trace(
-        hb.HarmonicBalance(it.model, 100), "Omega", it.span, steps=hb.StepControl(max_step=1e-4)))  # fmt: skip
+    monkeypatch.setattr(
+        campaign.truth,
+        "traced",
+        lambda it, H: hb.trace(
+            hb.HarmonicBalance(it.model, 100), "Omega", it.span, steps=hb.StepControl(max_step=1e-4)
+        ),
+    )
     assert campaign.trace_end(slow).status == "interrupted"
 
 

@@ -76,8 +76,9 @@ class Dual:
         self.value, self.slopes = value, slopes
 
     def _with(self, other: Any) -> Dual:
-        return other if isinstance(other, Dual) and _depth(other) == _depth(self) else Dual(
-            other, [0] * len(self.slopes))  # fmt: skip
+        return (
+            other if isinstance(other, Dual) and _depth(other) == _depth(self) else Dual(other, [0] * len(self.slopes))
+        )
 
     def __add__(self, other: Any) -> Dual:
         other = self._with(other)
@@ -243,9 +244,10 @@ class Checker:
         if self.kind != "motion":
             f = center[n + 1 :]
             null = [
-                part for i in range(K)
+                part
+                for i in range(K)
                 for part in (f[2 * K + i], f[2 * i + 1] - Omega * self._e(tau[i], 2) * f[2 * K + i])
-            ]  # fmt: skip
+            ]
             self.scaled = max(range(2 * K), key=lambda i: abs(float(null[i].middle)))
             self.extra = [Omega] + [x / null[self.scaled] for x in null]
 
@@ -267,8 +269,9 @@ class Checker:
         for i in range(self.K):
             j = (i + 1) % self.K
             end = u[2 * j] + (self.system.turn if j == 0 else 0)
-            d, v = self.system.advance(self.levels[i], self.system.breakpoint(self.switches[i][1]), u[2 * i + 1],
-                                       u[2 * i], end, Omega)  # fmt: skip
+            d, v = self.system.advance(
+                self.levels[i], self.system.breakpoint(self.switches[i][1]), u[2 * i + 1], u[2 * i], end, Omega
+            )
             out += [d - self.system.breakpoint(self.switches[j][1]), v - u[2 * j + 1]]
         return out
 
@@ -288,8 +291,9 @@ class Checker:
             j = (i + 1) % self.K
             begin = [Dual(u[2 * i + p], [null[2 * i + p]]) for p in (0, 1)]
             end = lifted[2 * j] + (self.system.turn if j == 0 else 0)
-            d, v = self.system.advance(self.levels[i], self.system.breakpoint(self.switches[i][1]), begin[1], begin[0],
-                                       end, Dual(Omega, [0]))  # fmt: skip
+            d, v = self.system.advance(
+                self.levels[i], self.system.breakpoint(self.switches[i][1]), begin[1], begin[0], end, Dual(Omega, [0])
+            )
             out += [d.slopes[0], (v - lifted[2 * j + 1]).slopes[0]]
         return [*out, null[self.scaled] - 1]
 
@@ -330,11 +334,13 @@ class Checker:
                         return False
         return True
 
-    def _positive(self, image: list[Any], i: int, Omega: Any, a: Any, b: Any, k: int, sign: int, ends: list[bool],
-                  depth: int) -> bool:  # fmt: skip
+    def _positive(
+        self, image: list[Any], i: int, Omega: Any, a: Any, b: Any, k: int, sign: int, ends: list[bool], depth: int
+    ) -> bool:
         tau = hull(a.low, b.high)
-        d, v = self.system.advance(self.levels[i], self.system.breakpoint(self.switches[i][1]), image[2 * i + 1],
-                                   image[2 * i], tau, Omega)  # fmt: skip
+        d, v = self.system.advance(
+            self.levels[i], self.system.breakpoint(self.switches[i][1]), image[2 * i + 1], image[2 * i], tau, Omega
+        )
         left, right = ends
         if not (left or right) and ((d - self.system.breakpoint(k)) * sign).low > 0:
             return True
@@ -344,4 +350,5 @@ class Checker:
             return False
         middle = Interval((a.low + b.high) / 2)
         return self._positive(image, i, Omega, a, middle, k, sign, [left, False], depth + 1) and self._positive(
-            image, i, Omega, middle, b, k, sign, [False, right], depth + 1)  # fmt: skip
+            image, i, Omega, middle, b, k, sign, [False, right], depth + 1
+        )

@@ -59,10 +59,14 @@ def gap(F: float) -> hb.System:
 
 
 BACKLASH = [
-    (0.0, 3.0, 0.7585469929947761), (0.0, 4.0, 0.8249418932369944), (0.1, 1.4, 0.6629146738553157),
-    (0.1, 1.7, 0.41043370727068135), (0.1, 2.1, 0.5838276062196354), (0.3, 1.8, 0.8855466812136265),
+    (0.0, 3.0, 0.7585469929947761),
+    (0.0, 4.0, 0.8249418932369944),
+    (0.1, 1.4, 0.6629146738553157),
+    (0.1, 1.7, 0.41043370727068135),
+    (0.1, 2.1, 0.5838276062196354),
+    (0.3, 1.8, 0.8855466812136265),
     (0.3, 2.8, 0.6714496036385587),
-]  # fmt: skip
+]
 """Mean force, largest displacement and frequency of x'' + g(x) = F, half gap and stiffness 1, closed forms."""
 
 
@@ -81,8 +85,17 @@ def test_backlash_has_its_closed_form_to_ten_digits(F, x, omega):
     start = problem.resized(problem.join(coarse.X, coarse.parameters))
     hit = hb.Event("largest", lambda point: point.amplitude("max", 0) - x)
     near = coarse.parameters["amplitude"]
-    curve = hb.trace(problem, "amplitude", (0.999 * near, 1.001 * near), start, cover=False, events=[hit],
-                     accuracy=None, stability=False, steps=hb.StepControl(max_step=0.5, first_step=0.5))  # fmt: skip
+    curve = hb.trace(
+        problem,
+        "amplitude",
+        (0.999 * near, 1.001 * near),
+        start,
+        cover=False,
+        events=[hit],
+        accuracy=None,
+        stability=False,
+        steps=hb.StepControl(max_step=0.5, first_step=0.5),
+    )
     assert abs(curve["largest1"].parameters["Omega"] - omega) < 1e-10
 
 

@@ -32,9 +32,11 @@ SPUR_FOLDS = {"LP1": ("0.7080316187218250", "0.7080316187218381"), "LP2": ("0.82
 """Intervals of the folds of SpurPair(zeta=.05, F_m=.1, e=(.05,))."""
 
 STOP_POINTS = {
-    "PD2": "0.86396784958531215291", "PD1": "0.96254908803479464627", "LP2": "1.731365021391413406",
+    "PD2": "0.86396784958531215291",
+    "PD1": "0.96254908803479464627",
+    "LP2": "1.731365021391413406",
     "LP1": "1.2596146258363070128",
-}  # fmt: skip
+}
 """Special points of the stop with k = 1000, by a code with 30 digits; LP1 lies 4e-8 from a grazing point."""
 
 
@@ -89,8 +91,13 @@ def test_a_fold_of_harmonic_balance_leads_to_the_same_certificate(fold: Certific
 
 def test_a_point_with_more_harmonics_than_its_curve() -> None:
     """The curve has H = 4, its fold has more; it is the same fold as in contact instants."""
-    soft = hb.System([[1.0]], [[0.1]], [[1.0]], [hb.Element([1.0], hb.Unilateral(k=6.0, gap=0.5), name="stop")],
-                     hb.Load(cosine={1: [0.3]}))  # fmt: skip
+    soft = hb.System(
+        [[1.0]],
+        [[0.1]],
+        [[1.0]],
+        [hb.Element([1.0], hb.Unilateral(k=6.0, gap=0.5), name="stop")],
+        hb.Load(cosine={1: [0.3]}),
+    )
     fold = hb.trace(hb.HarmonicBalance(soft, 4), "Omega", (2.0, 1.0))["LP1"]
     proof = hb.analysis.certify(fold)
     assert fold.layout.harmonics > 4 and float(proof.Omega[0]) == pytest.approx(1.2583354666646203, abs=1e-12)
@@ -188,8 +195,13 @@ def test_a_wrong_order_of_contacts_is_not_certified(fold: Certificate) -> None:
 
 def test_a_contact_that_is_left_out_is_noticed() -> None:
     """The equations of a motion without contacts do not contain the stop; only the sign of the gap does."""
-    far = hb.System([[1.0]], [[0.1]], [[1.0]], [hb.Element([1.0], hb.Unilateral(k=10.0, gap=5.0), name="stop")],
-                    hb.Load(cosine={1: [0.3]}))  # fmt: skip
+    far = hb.System(
+        [[1.0]],
+        [[0.1]],
+        [[1.0]],
+        [hb.Element([1.0], hb.Unilateral(k=10.0, gap=5.0), name="stop")],
+        hb.Load(cosine={1: [0.3]}),
+    )
     curve = hb.trace(hb.ContactInstants(far, 4), "Omega", (0.9, 0.95))
     claim = certify(curve[0]).claim
     amplitude = 0.3 / abs(1 - 0.9**2 + 0.09j)
@@ -219,8 +231,9 @@ def test_breakpoints_of_the_stiffness_may_not_be_left_out() -> None:
 def two_masses() -> hb.System:
     """Return two masses, the first against a stop."""
     element = hb.Element([1.0, 0.0], hb.Unilateral(k=20.0, gap=0.5), name="stop")
-    return hb.System(np.diag([1.0, 1.5]), 0.1 * np.eye(2), [[2.0, -1.0], [-1.0, 2.0]], [element],
-                     hb.Load(cosine={1: [0.3, 0.1]}))  # fmt: skip
+    return hb.System(
+        np.diag([1.0, 1.5]), 0.1 * np.eye(2), [[2.0, -1.0], [-1.0, 2.0]], [element], hb.Load(cosine={1: [0.3, 0.1]})
+    )
 
 
 def test_a_motion_of_two_masses_is_the_one_of_the_contact_instants() -> None:
@@ -253,9 +266,16 @@ def test_a_certificate_is_saved_as_exact_decimals_and_proved_again(fold: Certifi
 
 @pytest.mark.parametrize(
     "change",
-    [{"Omega": ("0.708", "0.709")}, {"Omega": ("0.70802", "0.7080316187218310")}, {"stable": False}, {"kind": "GR"},
-     {"uniqueness": 1.0}, {"instants": ()}, {"multipliers": (("1", "0", "1e-9"), ("0", "0", "2e-30"))}],
-)  # fmt: skip
+    [
+        {"Omega": ("0.708", "0.709")},
+        {"Omega": ("0.70802", "0.7080316187218310")},
+        {"stable": False},
+        {"kind": "GR"},
+        {"uniqueness": 1.0},
+        {"instants": ()},
+        {"multipliers": (("1", "0", "1e-9"), ("0", "0", "2e-30"))},
+    ],
+)
 def test_numbers_that_the_proof_does_not_give_are_refused(fold: Certificate, change: dict[str, Any]) -> None:
     """Wider intervals follow from the proof, other ones do not."""
     stated = dataclasses.replace(fold, **change)

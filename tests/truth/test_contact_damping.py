@@ -29,10 +29,12 @@ CLIPPED = hb.mechanics.ClippedKelvinVoigt(1.0, 0.3, 1.0, sides=2)
 @pytest.mark.parametrize(
     "law",
     [
-        hb.mechanics.KelvinVoigt(1.3, 0.4, 0.2, 2), hb.mechanics.ClippedKelvinVoigt(1.3, 0.4, 0.2, 2),
-        hb.mechanics.KelvinVoigt(1.3, 0.4, -0.2), hb.mechanics.ClippedKelvinVoigt(1.3, 0.4, 0.1),
+        hb.mechanics.KelvinVoigt(1.3, 0.4, 0.2, 2),
+        hb.mechanics.ClippedKelvinVoigt(1.3, 0.4, 0.2, 2),
+        hb.mechanics.KelvinVoigt(1.3, 0.4, -0.2),
+        hb.mechanics.ClippedKelvinVoigt(1.3, 0.4, 0.1),
     ],
-)  # fmt: skip
+)
 def test_forces_and_derivatives(law):
     problem, n, Omega = hb.HarmonicBalance(rattle(0.05, 0.2, law), 7), 15, 0.7
     X = np.random.default_rng(1).standard_normal(n) / np.r_[1, np.repeat(np.arange(1, 8) ** 1.5, 2)]
@@ -50,15 +52,21 @@ def test_forces_and_derivatives(law):
     ("model", "Omega", "state", "rms", "multiplier"),
     [
         (
-            rattle(0.005, 0.1, PLAIN, 0.02), 0.35, [1.5619999251272256, 0.2334375337366326], 0.955938862618165,
+            rattle(0.005, 0.1, PLAIN, 0.02),
+            0.35,
+            [1.5619999251272256, 0.2334375337366326],
+            0.955938862618165,
             -0.6191790390008902 + 0.16243953182729354j,
         ),
         (
-            rattle(0.01, 0.2, CLIPPED), 0.5, [1.3321099749062828, 0.8253948069627242], 1.2529013488033318,
+            rattle(0.01, 0.2, CLIPPED),
+            0.5,
+            [1.3321099749062828, 0.8253948069627242],
+            1.2529013488033318,
             -0.21108002404121917 + 0.2561919228688635j,
         ),
     ],
-)  # fmt: skip
+)
 def test_spring_and_damper(model, Omega, state, rms, multiplier):
     orbit = hb.time.shoot(model, Omega, np.add(state, 1e-3))
     np.testing.assert_allclose(orbit.state, state, rtol=0, atol=1e-10)
@@ -114,15 +122,21 @@ def test_refusals():
     ("Omega", "load", "state", "rms", "multiplier"),
     [
         (
-            0.35, 0.1, [1.4865780092665437, 0.22537209656330362], 0.9554283813037127,
+            0.35,
+            0.1,
+            [1.4865780092665437, 0.22537209656330362],
+            0.9554283813037127,
             -0.514810453981267 + 0.22371943202854108j,
         ),
         (
-            0.6, 0.2, [1.4016452791927674, 1.190594011168507], 1.4944114150264478,
+            0.6,
+            0.2,
+            [1.4016452791927674, 1.190594011168507],
+            1.4944114150264478,
             0.08912937448722495 + 0.32252230115645636j,
         ),
     ],
-)  # fmt: skip
+)
 def test_hunt_crossley(Omega, load, state, rms, multiplier):
     model = rattle(0.005, load, hb.mechanics.HuntCrossley(k=1.0, contact_damping=0.4, gap=1.0, sides=2))
     orbit = hb.time.shoot(model, Omega, np.add(state, 1e-3))
@@ -168,8 +182,10 @@ def test_force_harmonics_of_hunt_crossley_are_integrals(exponent, rng):
     row = X.tolist()
 
     def motion(t, rate=False):
-        terms = ((k * row[2 * k] * Omega, -k * row[2 * k - 1] * Omega) if rate else row[2 * k - 1 : 2 * k + 1]
-                 for k in range(1, H + 1))  # fmt: skip
+        terms = (
+            (k * row[2 * k] * Omega, -k * row[2 * k - 1] * Omega) if rate else row[2 * k - 1 : 2 * k + 1]
+            for k in range(1, H + 1)
+        )
         mean = 0.0 if rate else row[0]
         return mean + sum(a * np.cos(k * t) + b * np.sin(k * t) for k, (a, b) in enumerate(terms, 1))
 
@@ -177,8 +193,10 @@ def test_force_harmonics_of_hunt_crossley_are_integrals(exponent, rng):
     cuts = [0.0, 2 * np.pi]
     for level in (-0.4, 0.4):
         x = motion(grid) - level
-        cuts += [scipy.optimize.brentq(lambda t, level=level: motion(t) - level, grid[i], grid[i + 1], xtol=1e-15)
-                 for i in np.flatnonzero(x[1:] * x[:-1] < 0)]  # fmt: skip
+        cuts += [
+            scipy.optimize.brentq(lambda t, level=level: motion(t) - level, grid[i], grid[i + 1], xtol=1e-15)
+            for i in np.flatnonzero(x[1:] * x[:-1] < 0)
+        ]
     cuts.sort()
 
     def integral(wave):

@@ -926,8 +926,11 @@ def test_motions_without_bound_end_at_their_asymptote() -> None:
 
     angles = np.linspace(0.0, 2 * np.pi, 25)
     turns = [turn(angle) for angle in angles]
-    roots = [brentq(turn, a, b, xtol=1e-12) for (a, b), (f, g) in zip(pairwise(angles), pairwise(turns), strict=True)
-             if f * g < 0 and abs(f - g) < 2]  # fmt: skip
+    roots = [
+        brentq(turn, a, b, xtol=1e-12)
+        for (a, b), (f, g) in zip(pairwise(angles), pairwise(turns), strict=True)
+        if f * g < 0 and abs(f - g) < 2
+    ]
     growths = [float(np.linalg.norm(after_a_period(root))) for root in roots]
     assert min(abs(growth - 1) for growth in growths) < 1e-8
 

@@ -136,8 +136,10 @@ def test_space_and_line_of_action_agree_and_supports_carry_the_friction():
     """The motion across the line of action does not change the gap; the supports carry N n + across t."""
     Omega = 0.3
     models = [PAIR.model(TORQUE, ZETA, form, supports=SUPPORTS, friction=MU) for form in ("spatial", "bearings")]
-    points = [hb.trace(hb.HarmonicBalance(one, 8), "Omega", (Omega, Omega - 0.001), special=False, stability=False)[0]
-              for one in models]  # fmt: skip
+    points = [
+        hb.trace(hb.HarmonicBalance(one, 8), "Omega", (Omega, Omega - 0.001), special=False, stability=False)[0]
+        for one in models
+    ]
     np.testing.assert_allclose(points[0].X[:17], points[1].X[:17], rtol=0, atol=1e-9)
     problem, X = points[0].problem, points[0].X
     mean = problem.motion(X, Omega=Omega)[:2, 0]  # x and y of the pinion; the wheel lies in the direction x
@@ -154,8 +156,10 @@ def test_space_and_line_of_action_agree_and_supports_carry_the_friction():
 
 def pair_with_helix(angle):
     """Return the pair with another helix angle [deg]."""
-    gears = (hb.gears.Gear(teeth=z, module="3 mm", face_width="20 mm", helix_angle=f"{side * angle} deg")
-             for z, side in ((25, 1), (40, -1)))  # fmt: skip
+    gears = (
+        hb.gears.Gear(teeth=z, module="3 mm", face_width="20 mm", helix_angle=f"{side * angle} deg")
+        for z, side in ((25, 1), (40, -1))
+    )
     return hb.GearPair(*gears, backlash="80 um")
 
 

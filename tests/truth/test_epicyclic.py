@@ -27,9 +27,11 @@ def stepped(z=(24, 30, 18, 96), planets=3, **others) -> hb.gears.EpicyclicSet:
     a = 0.002 * (z[0] + z[1]) / 2
     module = 2 * a / (z[3] - z[2])
     wheels = [
-        gear("sun", z[0], 0.002), gear("large", z[1], 0.002, x=a), gear("small", z[2], module, x=a),
+        gear("sun", z[0], 0.002),
+        gear("large", z[1], 0.002, x=a),
+        gear("small", z[2], module, x=a),
         gear("ring", z[3], module, internal=True),
-    ]  # fmt: skip
+    ]
     meshes = [mesh("sun", "large"), mesh("small", "ring")]
     return hb.gears.EpicyclicSet(wheels, meshes, 0.004, planets, (("large", "small"),), **others)
 
@@ -41,9 +43,12 @@ def ravigneaux(**others) -> hb.gears.EpicyclicSet:
     a_1, a_2, between = r["s1"] + r["short"], r["s2"] + r["long"], r["short"] + r["long"]
     turn = np.arccos((a_1**2 + a_2**2 - between**2) / (2 * a_1 * a_2))
     wheels = [
-        gear("s1", 30, m), gear("s2", 36, m), gear("ring", 72, m, internal=True),
-        gear("short", 18, m, x=a_1 * np.cos(turn), y=a_1 * np.sin(turn)), gear("long", 18, m, x=a_2),
-    ]  # fmt: skip
+        gear("s1", 30, m),
+        gear("s2", 36, m),
+        gear("ring", 72, m, internal=True),
+        gear("short", 18, m, x=a_1 * np.cos(turn), y=a_1 * np.sin(turn)),
+        gear("long", 18, m, x=a_2),
+    ]
     meshes = [mesh("s1", "short"), mesh("short", "long"), mesh("s2", "long"), mesh("long", "ring")]
     return hb.gears.EpicyclicSet(wheels, meshes, 0.004, 3, **others)
 
@@ -102,9 +107,11 @@ def test_torques_of_meshes(roles):
     one = ravigneaux(driver=driver, output=output, fixed=fixed, torque_scale=2.0)
     T = {name: abs(torque) / 2.0 / 3 for name, torque in one.torques.items()}
     loaded = {
-        "s1-short": T.get("s1", 0.0), "short-long": T.get("s1", 0.0) * 18 / 30,
-        "s2-long": T.get("s2", 0.0), "long-ring": T.get("ring", 0.0) * 18 / 72,
-    }  # fmt: skip
+        "s1-short": T.get("s1", 0.0),
+        "short-long": T.get("s1", 0.0) * 18 / 30,
+        "s2-long": T.get("s2", 0.0),
+        "long-ring": T.get("ring", 0.0) * 18 / 72,
+    }
     assert one.mesh_torques == pytest.approx(loaded, rel=1e-9, abs=1e-9)
     for fixed in ("ring", "sun", "carrier"):
         driver = "sun" if fixed != "sun" else "ring"
@@ -122,17 +129,28 @@ def simple(fixed="ring", driver="sun", output="carrier", planets=4):
     a = scale * 64 / alpha
     mass = {"sun": 0.4, "p": 0.66, "ring": 2.35}
     teeth = {"sun": 28, "p": 36, "ring": 100}
-    wheels = [Wheel(name, J[name] * radii[name] ** 2, mass[name], teeth=z, base_radius=radii[name],
-                    internal=name == "ring", x=a * (name == "p")) for name, z in teeth.items()]  # fmt: skip
+    wheels = [
+        Wheel(
+            name,
+            J[name] * radii[name] ** 2,
+            mass[name],
+            teeth=z,
+            base_radius=radii[name],
+            internal=name == "ring",
+            x=a * (name == "p"),
+        )
+        for name, z in teeth.items()
+    ]
     meshes = [Mesh(*names, 5e8, 20e-6, eps=(0.2, 0.05), damping=0.03) for names in (("sun", "p"), ("p", "ring"))]
     return hb.gears.EpicyclicSet(
         wheels, meshes, 6.29 * a**2, planets, driver=driver, output=output, fixed=fixed, torque=300.0
     )
 
 
-@pytest.mark.parametrize(("fixed", "driver", "output"), [
-    ("ring", "sun", "carrier"), ("ring", "carrier", "sun"), ("sun", "ring", "carrier"), ("carrier", "sun", "ring"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("fixed", "driver", "output"),
+    [("ring", "sun", "carrier"), ("ring", "carrier", "sun"), ("sun", "ring", "carrier"), ("carrier", "sun", "ring")],
+)
 def test_simple_sets_are_planetary_sets(fixed, driver, output):
     """Speeds, orders, phases, and with stiff bearings the rotational natural frequencies."""
     own, other = simple(fixed, driver, output), hb.gears.PlanetarySet(fixed=fixed, driver=driver)
@@ -210,11 +228,13 @@ def test_meshes_that_run_backwards():
         (lambda: stepped(driver="ring"), "must be different members"),
         (lambda: stepped(torque=-1.0), "torque"),
         (lambda: stepped().replace(bodies=(("large", "sun"),)), "'sun' is no gear of a planet"),
-        (lambda: stepped().replace(wheels=[dataclasses.replace(w, torque=3.0) for w in stepped().wheels]),
-         "must be a gear with moves='torsion' and without torque"),
+        (
+            lambda: stepped().replace(wheels=[dataclasses.replace(w, torque=3.0) for w in stepped().wheels]),
+            "must be a gear with moves='torsion' and without torque",
+        ),
         (lambda: simple(planets=5), "5 equal planets cannot be assembled"),
     ],
-)  # fmt: skip
+)
 def test_sets_that_are_refused(make, message):
     with pytest.raises(ValueError, match=message):
         make()

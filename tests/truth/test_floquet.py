@@ -120,9 +120,13 @@ def flow_between(system, stiffness, begin, end, Omega):
     if stiffness(begin) == stiffness(0.5 * (begin + end)):
         return scipy.linalg.expm(matrix(begin) * (end - begin) / Omega)
     flow = scipy.integrate.solve_ivp(
-        lambda t, y: (matrix(begin + Omega * t) @ y.reshape(2 * n, -1)).ravel(), (0, (end - begin) / Omega),
-        np.eye(2 * n).ravel(), method="DOP853", rtol=1e-12, atol=1e-12,
-    )  # fmt: skip
+        lambda t, y: (matrix(begin + Omega * t) @ y.reshape(2 * n, -1)).ravel(),
+        (0, (end - begin) / Omega),
+        np.eye(2 * n).ravel(),
+        method="DOP853",
+        rtol=1e-12,
+        atol=1e-12,
+    )
     return flow.y[:, -1].reshape(2 * n, -1)
 
 

@@ -90,9 +90,12 @@ def test_circular_whirl_in_a_hole():
 def test_dynamic_factor_of_friction_with_a_mean():
     """A slider that a constant load has moved: the mean force is that of the last turning point."""
     system = hb.System(
-        [[1.0]], [[0.02]], [[1.0]], [hb.Element([1.0], Jenkins(1.0, 0.2), name="damper")],
+        [[1.0]],
+        [[0.02]],
+        [[1.0]],
+        [hb.Element([1.0], Jenkins(1.0, 0.2), name="damper")],
         hb.Load([0.4], cosine={1: [0.05]}),
-    )  # fmt: skip
+    )
     point = hb.trace(hb.HarmonicBalance(system, 3), "Omega", (0.5, 0.51))[0]
     A = 0.05 / abs(2.0 - 0.25 + 0.01j)  # sticks: stiffness 2, the largest force is the limit
     assert hb.analysis.dynamic_factor(system, point, "damper") == pytest.approx(0.2 / (0.2 - A), rel=1e-6)

@@ -74,17 +74,24 @@ def test_a_cubic_oscillator_has_the_frequency_of_its_elliptic_integral():
         assert abs(Omega - math.pi / (2 * quarter)) < 1e-10
 
 
-@pytest.mark.parametrize("mode, q1, omega, energy", [
-    (1, 2.0, 1.5169614506422335, 8.78823145791752), (2, 2.0, 2.011087756939591, 9.617487479919205),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "mode, q1, omega, energy",
+    [(1, 2.0, 1.5169614506422335, 8.78823145791752), (2, 2.0, 2.011087756939591, 9.617487479919205)],
+)
 def test_two_masses_with_cubic_springs_agree_with_shooting(mode, q1, omega, energy):
     problem = hb.harmonic.BackboneProblem(two_masses(), mode, 13)
     hit = hb.Event("amplitude", lambda point: point.amplitude("max", 0) - q1)
     curve = hb.trace(problem, "amplitude", (1.0, 3.0), cover=False, events=[hit])
     point = curve["amplitude1"]
     assert abs(point.parameters["Omega"] - omega) < 1e-8
-    own = hb.trace(problem, "amplitude", (point.parameters["amplitude"], 3.0), point, cover=False,
-                   steps=hb.StepControl(max_points=2))  # fmt: skip
+    own = hb.trace(
+        problem,
+        "amplitude",
+        (point.parameters["amplitude"], 3.0),
+        point,
+        cover=False,
+        steps=hb.StepControl(max_points=2),
+    )
     assert abs(hb.analysis.backbone_energy(own)[0] / energy - 1) < 1e-8
 
 
@@ -129,11 +136,14 @@ def test_a_model_without_a_mode_of_the_number_is_refused():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("eps, omega, amplitude, rms, multiplier, harmonics", [
-    (0.2, 0.9975088563587282, 2.000413678992092, 1.415095799728286, 0.282826994188057, 12),
-    (1.0, 0.94295584744161, 2.0086198608748598, 1.4350529588979852, 0.0008596950636079459, 20),
-    (3.0, 0.7092355317061698, 2.0233041416822153, 1.5208671301735879, 1.7763568394002505e-15, 80),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "eps, omega, amplitude, rms, multiplier, harmonics",
+    [
+        (0.2, 0.9975088563587282, 2.000413678992092, 1.415095799728286, 0.282826994188057, 12),
+        (1.0, 0.94295584744161, 2.0086198608748598, 1.4350529588979852, 0.0008596950636079459, 20),
+        (3.0, 0.7092355317061698, 2.0233041416822153, 1.5208671301735879, 1.7763568394002505e-15, 80),
+    ],
+)
 def test_the_van_der_pol_cycle_agrees_with_shooting(eps, omega, amplitude, rms, multiplier, harmonics):
     """The rms of displacement and of velocity are equal."""
     model = van_der_pol(eps)
@@ -213,8 +223,13 @@ def test_coordinates_of_a_saved_backbone_are_those_of_the_artificial_damping(tmp
 @hb.mechanics.model
 def driven_van_der_pol(damping: float = 0.0, F: float = 5.0) -> hb.System:
     load = hb.Load(cosine={1: [0.0, F]})
-    return hb.System(np.eye(2), [[damping, 0.0], [0.0, 0.05]], [[2.0, -0.5], [-0.5, 3.0]],
-                     [hb.Element([1.0, 0.0], VanDerPol())], load)  # fmt: skip
+    return hb.System(
+        np.eye(2),
+        [[damping, 0.0], [0.0, 0.05]],
+        [[2.0, -0.5], [-0.5, 3.0]],
+        [hb.Element([1.0, 0.0], VanDerPol())],
+        load,
+    )
 
 
 @pytest.mark.slow
@@ -304,9 +319,13 @@ def test_a_branch_leaves_the_backbone_of_equal_masses():
         start = np.concatenate([rows[:, 0] + rows[:, 1::2].sum(axis=1), Omega * (rows[:, 2::2] @ k)])
         assert abs(start[0] - start[1]) + abs(start[2] - start[3]) > 0.05
         end = scipy.integrate.solve_ivp(
-            lambda t, y: np.concatenate([y[2:], -K @ y[:2] - y[:2] ** 3]), (0, 2 * np.pi / Omega), start,
-            "DOP853", rtol=1e-12, atol=1e-12,
-        ).y[:, -1]  # fmt: skip
+            lambda t, y: np.concatenate([y[2:], -K @ y[:2] - y[:2] ** 3]),
+            (0, 2 * np.pi / Omega),
+            start,
+            "DOP853",
+            rtol=1e-12,
+            atol=1e-12,
+        ).y[:, -1]
         assert np.abs(end - start).max() < 1e-8
 
 
@@ -382,8 +401,9 @@ def test_jumps_of_limit_cycles_that_start_within_the_span():
     )
     fold = 2 * (0.1 / 3) ** 1.5
     assert sorted((jump.direction, round(jump.value, 9)) for jump in cycles.jumps()) == [
-        (-1, round(-fold, 9)), (1, round(fold, 9)),
-    ]  # fmt: skip
+        (-1, round(-fold, 9)),
+        (1, round(fold, 9)),
+    ]
     landing = [jump.after.amplitude("max") ** 2 - 1 for jump in cycles.jumps()]
     assert np.abs(np.abs(landing) - 2 * math.sqrt(0.1 / 3)).max() < 1e-6  # the other root of fold + slope r = r^3
 
@@ -391,8 +411,9 @@ def test_jumps_of_limit_cycles_that_start_within_the_span():
 @pytest.mark.slow
 def test_folds_of_limit_cycles_are_followed_to_their_cusp():
     motion = hb.time.integrate(hysteretic(), [1.4, 0.0], 60, 1.0, tolerance=1e-9, samples=256)
-    cycles = hb.analysis.limit_cycles(hysteretic(), motion, (-0.5, 0.5), parameter="level", harmonics=3,
-                                      accuracy=None, stability=False)  # fmt: skip
+    cycles = hb.analysis.limit_cycles(
+        hysteretic(), motion, (-0.5, 0.5), parameter="level", harmonics=3, accuracy=None, stability=False
+    )
     assert abs(abs(cycles["LP1"].parameters["level"]) - 2 * (0.1 / 3) ** 1.5) < 1e-12
     folds = hb.follow(cycles, "LP1", "slope", (0.1, -0.1), accuracy=None)
     assert np.abs(np.abs(folds.tracked["level"]) - 2 * (folds.values.clip(0.0) / 3) ** 1.5).max() < 1e-12

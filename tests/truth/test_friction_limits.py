@@ -104,8 +104,10 @@ def test_jacobian_is_the_derivative_of_the_forces(system, size):
     problem, m = hb.HarmonicBalance(system, 4), len(system.elements)
     X, h = rows_of(m, 4, size, 5).ravel(), 1e-6
     J = problem.evaluate(X, Omega=1.0)[1]
-    exact = [(problem.residual(X + h * e, Omega=1.0) - problem.residual(X - h * e, Omega=1.0)) / (2 * h)
-             for e in np.eye(len(X))]  # fmt: skip
+    exact = [
+        (problem.residual(X + h * e, Omega=1.0) - problem.residual(X - h * e, Omega=1.0)) / (2 * h)
+        for e in np.eye(len(X))
+    ]
     np.testing.assert_allclose(J, np.transpose(exact), rtol=0, atol=1e-6)
 
 

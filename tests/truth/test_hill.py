@@ -98,8 +98,9 @@ def test_in_contact_throughout_it_is_exact():
 def test_states_that_decay_fast_do_not_replace_others(law):
     """A Maxwell element with a weak damper has a multiplier below 1e-9, whose vectors fill all harmonics."""
     C = [[0.05, 0.0], [0.0, 0.05]]
-    system = hb.System(np.diag([1.0, 0.0]), C, [[1.5, -0.5], [-0.5, 0.5]], [hb.Element([0, 1], law)],
-                       hb.Load(cosine={1: [0.3, 0.0]}))  # fmt: skip
+    system = hb.System(
+        np.diag([1.0, 0.0]), C, [[1.5, -0.5], [-0.5, 0.5]], [hb.Element([0, 1], law)], hb.Load(cosine={1: [0.3, 0.0]})
+    )
     problem = HarmonicBalance(system, 32)
     X = problem.start(Omega=0.9)
     truth = problem.multipliers(X, Omega=0.9)
@@ -111,8 +112,9 @@ def test_states_that_decay_fast_do_not_replace_others(law):
 def test_one_copy_of_each_exponent_is_chosen():
     """Copies shifted by i omega lie close to the middle of the harmonics as well where several orders resonate."""
     springs = [hb.Element([1, 0], hb.Unilateral(5.0, 0.1)), hb.Element([1, -1], hb.Cubic(0.5))]
-    system = hb.System(np.eye(2), [[0.07, -0.05], [-0.05, 0.07]], [[1.2, -0.2], [-0.2, 2.2]], springs,
-                       hb.Load(cosine={1: [0.3, 0.1]}))  # fmt: skip
+    system = hb.System(
+        np.eye(2), [[0.07, -0.05], [-0.05, 0.07]], [[1.2, -0.2], [-0.2, 2.2]], springs, hb.Load(cosine={1: [0.3, 0.1]})
+    )
     curve = trace(HarmonicBalance(system, 24), "Omega", (0.23, 0.26), special=False, accuracy=None)
     errors = [
         apart(hill_multipliers(curve.problem.compiled({}), p.X, p.parameters["Omega"]), p.multipliers) for p in curve

@@ -56,10 +56,13 @@ def rotor(B: float = 0.05, speed: float = 3.0) -> hb.System:
     return hb.System(np.eye(2), None, np.zeros((2, 2)), [*bearing], hb.Load(constant=[CLEARANCE, 0.0]))
 
 
-@pytest.mark.parametrize(("B", "span", "speed", "whirl"), [
-    (0.05, (3.0, 5.0), 3.876154693080033, 1.2472269242363203),
-    (0.2, (2.0, 3.0), 2.5878939507798515, 1.2945337982600496),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("B", "span", "speed", "whirl"),
+    [
+        (0.05, (3.0, 5.0), 3.876154693080033, 1.2472269242363203),
+        (0.2, (2.0, 3.0), 2.5878939507798515, 1.2945337982600496),
+    ],
+)
 def test_oil_whip_begins_at_the_eigenvalues(B, span, speed, whirl):
     (hopf,) = hb.analysis.hopf_points(rotor(B, span[0]), "speed", span, start=np.array([5.0, 4.0]))
     assert abs(hopf.value - speed) < 1e-10
@@ -67,10 +70,13 @@ def test_oil_whip_begins_at_the_eigenvalues(B, span, speed, whirl):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("speed", "omega", "rms", "mu"), [
-    (3.953677786941634, 1.2523348358019553, (0.029581847656695304, 0.030640596609450926), 0.9798199257799872),
-    (4.263770162388036, 1.2745253128459275, (0.06853671613693213, 0.06568557633136167), 0.9050951813514796),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("speed", "omega", "rms", "mu"),
+    [
+        (3.953677786941634, 1.2523348358019553, (0.029581847656695304, 0.030640596609450926), 0.9798199257799872),
+        (4.263770162388036, 1.2745253128459275, (0.06853671613693213, 0.06568557633136167), 0.9050951813514796),
+    ],
+)
 def test_limit_cycles_agree_with_shooting(speed, omega, rms, mu):
     (hopf,) = hb.analysis.hopf_points(rotor(), "speed", (3.0, 5.0), start=np.array([5.0, 4.0]))
     last = hb.analysis.limit_cycles(rotor(), hopf, (hopf.value, speed), harmonics=12)[-1]

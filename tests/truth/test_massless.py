@@ -62,8 +62,10 @@ def test_a_campbell_diagram_has_the_roots_of_the_characteristic_polynomial():
     rotor = hb.System(M, C, K, [stop], speed=hb.mechanics.SpeedTerms(G))
     found = hb.analysis.campbell(rotor, (0.5, 2.0), {"shaft": 1.0}, points=4)
     for i, Omega in enumerate(found.Omega.tolist()):
-        roots = [np.roots(np.polysub(np.polymul([1, c0 + sign * 1j * g * Omega, k0 + k], [c, k]), [k**2]))
-                 for sign in (1, -1)]  # fmt: skip
+        roots = [
+            np.roots(np.polysub(np.polymul([1, c0 + sign * 1j * g * Omega, k0 + k], [c, k]), [k**2]))
+            for sign in (1, -1)
+        ]
         expected = np.concatenate(roots)
         expected = np.sort(expected[expected.imag > 1e-6].imag)
         np.testing.assert_allclose(np.sort(found.frequencies[i]), expected, rtol=1e-12)
@@ -123,8 +125,10 @@ def test_the_hopf_point_of_a_maxwell_element_has_its_closed_form():
 
 
 def test_the_backbone_of_a_maxwell_element_is_the_limit_of_small_masses():
-    found = [hb.analysis.backbone(maxwell(mass, law=hb.Cubic(1.0)), span=(0.01, 1.0), harmonics=5)
-             for mass in (0.0, 1e-5, 1e-6)]  # fmt: skip
+    found = [
+        hb.analysis.backbone(maxwell(mass, law=hb.Cubic(1.0)), span=(0.01, 1.0), harmonics=5)
+        for mass in (0.0, 1e-5, 1e-6)
+    ]
     exact, *near = (np.array([one.tracked[name][-1] for name in ("Omega", "modal_damping")]) for one in found)
     coarse, fine = (np.abs(one - exact) for one in near)
     assert (coarse < 1e-4).all() and np.allclose(fine, 0.1 * coarse, rtol=0.1)  # first order in the mass

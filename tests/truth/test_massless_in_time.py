@@ -241,8 +241,12 @@ def test_elements_that_need_a_mass(law, method, message):
 
 
 def test_a_static_coordinate_with_an_element_is_refused():
-    model = hb.System(np.diag([1.0, 0.0]), np.diag([0.1, 0.0]), [[2.0, -1.0], [-1.0, 1.0]],
-                      [hb.Element([0.0, 1.0], STOP, name="stop")])  # fmt: skip
+    model = hb.System(
+        np.diag([1.0, 0.0]),
+        np.diag([0.1, 0.0]),
+        [[2.0, -1.0], [-1.0, 1.0]],
+        [hb.Element([0.0, 1.0], STOP, name="stop")],
+    )
     for method in ("DOP853", "exponential"):
         with pytest.raises(ValueError, match="element 'stop' acts on coordinate 'q2' without mass and damping"):
             hb.time.integrate(model, np.zeros(4), 1, OMEGA, method=method)

@@ -14,9 +14,18 @@ from hbgear.gears.drawing.tooth import Tooth
 from hbgear.gears.mesh.iso_stiffness import iso_stiffness
 from hbgear.gears.mesh.loaded_mesh import relief_length
 
-STANDARD = [(25, 40, 3, 0, 0), (20, 20, 3, 0.3, 0.3), (20, 60, 4, 0.2, 0), (50, 50, 3, 0, 0), (30, 90, 5, 0, 0),
-            (18, 54, 3, 0.3, -0.3), (24, 24, 10, 0, 0), (40, 120, 2, 0, 0), (35, 35, 4, 0.1, 0.1),
-            (62, 62, 2, 0, 0)]  # fmt: skip
+STANDARD = [
+    (25, 40, 3, 0, 0),
+    (20, 20, 3, 0.3, 0.3),
+    (20, 60, 4, 0.2, 0),
+    (50, 50, 3, 0, 0),
+    (30, 90, 5, 0, 0),
+    (18, 54, 3, 0.3, -0.3),
+    (24, 24, 10, 0, 0),
+    (40, 120, 2, 0, 0),
+    (35, 35, 4, 0.1, 0.1),
+    (62, 62, 2, 0, 0),
+]
 """z_1, z_2, module [mm], x_1, x_2 of ten standard spur pairs."""
 LOAD = 3e5  # N/m, the load that the regression of ISO 6336 was made for
 
@@ -29,9 +38,14 @@ def pair(z_1, z_2, m, x_1=0.0, x_2=0.0, **fields):
 def test_iso_of_the_published_stage():
     """NREL 5 MW, third stage: c' = 15.402808, and c_gamma = 20.747499 N/(mm um) with its contact ratio of 1.462659."""
     beta = radians(10)
-    stage = hb.GearPair(*(hb.gears.Gear(z, "14 mm", "360 mm", helix_angle=h, profile_shift=x, tip_diameter=d)
-                          for z, x, h, d in ((24, 0.480, beta, 0.38075), (95, 0.669, -beta, 1.39537))),
-                        backlash=0.0, center_distance="861 mm")  # fmt: skip
+    stage = hb.GearPair(
+        *(
+            hb.gears.Gear(z, "14 mm", "360 mm", helix_angle=h, profile_shift=x, tip_diameter=d)
+            for z, x, h, d in ((24, 0.480, beta, 0.38075), (95, 0.669, -beta, 1.39537))
+        ),
+        backlash=0.0,
+        center_distance="861 mm",
+    )
     found = iso_stiffness(stage)
     assert found.single / 1e9 == pytest.approx(15.402808, abs=1e-6)
     assert found.mesh / 1e9 == pytest.approx(20.747499, abs=2e-3)  # by the contact ratio, to 2e-4
@@ -57,15 +71,26 @@ def test_documented_range_of_the_ratio_to_iso_with_profile_shifts(z_1, z_2, x_1,
     assert mean / iso_stiffness(p).mesh == pytest.approx(ratio, abs=0.008)
 
 
-@pytest.mark.parametrize(("z_1", "z_2", "beta", "internal", "ratio"), [
-    (18, 18, 0, False, 1.09), (200, 200, 0, False, 0.85), (70, 200, 0, True, 0.91), (25, 40, 0, True, 0.96),
-    (120, 200, 25, False, 0.85), (18, 25, 8, False, 1.06),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("z_1", "z_2", "beta", "internal", "ratio"),
+    [
+        (18, 18, 0, False, 1.09),
+        (200, 200, 0, False, 0.85),
+        (70, 200, 0, True, 0.91),
+        (25, 40, 0, True, 0.96),
+        (120, 200, 25, False, 0.85),
+        (18, 25, 8, False, 1.06),
+    ],
+)
 def test_documented_range_of_the_ratio_to_iso(z_1, z_2, beta, internal, ratio):
     """The lowest and highest ratios over 18 to 200 teeth, as in the table of the documentation."""
     helix = (radians(beta), radians(beta if internal else -beta))
-    p = hb.GearPair(*(hb.gears.Gear(z, "3 mm", "20 mm", helix_angle=h, internal=ring)
-                      for z, h, ring in zip((z_1, z_2), helix, (False, internal), strict=True)))  # fmt: skip
+    p = hb.GearPair(
+        *(
+            hb.gears.Gear(z, "3 mm", "20 mm", helix_angle=h, internal=ring)
+            for z, h, ring in zip((z_1, z_2), helix, (False, internal), strict=True)
+        )
+    )
     mean = p.mesh(LOAD * p.face_width * p.base_radii[0], phases=64).stiffness.mean / p.face_width
     assert mean / iso_stiffness(p).mesh == pytest.approx(ratio, abs=0.008)
 
@@ -203,8 +228,10 @@ def test_crowning_adds_its_mean_over_the_face_to_the_displacement():
     """With all slices in contact, F = sum k (delta - g_i): the mean of (8 + 3) um (2 z/b)^2 is (1 + 2/n^2)/3 of it.
 
     The force is large, so that the stiffness of the contacts is nearly that of equal loads (to 2 % of the crowning)."""
-    plain, crowned = (pair(25, 40, 3), hb.GearPair(
-        *(hb.gears.Gear(z, "3 mm", "20 mm", crowning=c) for z, c in ((25, 8e-6), (40, 3e-6)))))  # fmt: skip
+    plain, crowned = (
+        pair(25, 40, 3),
+        hb.GearPair(*(hb.gears.Gear(z, "3 mm", "20 mm", crowning=c) for z, c in ((25, 8e-6), (40, 3e-6)))),
+    )
     one, other = (p.mesh(3e4, slices=12, phases=16).static_error.value for p in (plain, crowned))
     np.testing.assert_allclose(other - one, 11e-6 / 3 * (1 + 2 / 144), rtol=0.02)
 
@@ -268,8 +295,10 @@ def test_error_without_load_of_a_relieved_pair():
     for phase in np.linspace(0.03, 0.97, 21):
         i = np.searchsorted(error.phase, phase)
         x = error.phase[i]
-        gaps = [relief * max(1 - (s - begin) / length, 0) + relief * max(1 - (end - s) / length, 0)
-                for s in teeth_in_contact(p, x)]  # fmt: skip
+        gaps = [
+            relief * max(1 - (s - begin) / length, 0) + relief * max(1 - (end - s) / length, 0)
+            for s in teeth_in_contact(p, x)
+        ]
         assert error.value[i] == pytest.approx(min(gaps), abs=1e-12)
     assert error.value.max() > 1e-6
 
@@ -310,8 +339,12 @@ def test_slices_of_a_helical_pair_converge_and_a_spur_pair_is_one_slice():
 @pytest.mark.parametrize("beta", [5, 10, 15, 20, 25])
 def test_helical_within_ten_percent_of_iso(beta):
     """From 0.95 to 0.91 of it as the helix rises: slices do not hold each other, which real teeth do."""
-    helical = hb.GearPair(*(hb.gears.Gear(z, "3 mm", "20 mm", helix_angle=radians(h), profile_shift=x)
-                            for z, h, x in ((25, beta, 0.2), (75, -beta, 0.0))))  # fmt: skip
+    helical = hb.GearPair(
+        *(
+            hb.gears.Gear(z, "3 mm", "20 mm", helix_angle=radians(h), profile_shift=x)
+            for z, h, x in ((25, beta, 0.2), (75, -beta, 0.0))
+        )
+    )
     mean = helical.mesh(LOAD * 0.02 * helical.base_radii[0]).stiffness.mean / 0.02
     assert mean == pytest.approx(iso_stiffness(helical).mesh, rel=0.1)
 
@@ -390,8 +423,10 @@ def test_tip_relief_flattens_the_static_error_at_its_load():
 
 
 def test_ring_is_computed_as_a_rack():
-    p = hb.GearPair(hb.gears.Gear(20, "3 mm", "20 mm", profile_shift=0.2),
-                    hb.gears.Gear(60, "3 mm", "20 mm", internal=True, addendum=0.8, profile_shift=-0.2))  # fmt: skip
+    p = hb.GearPair(
+        hb.gears.Gear(20, "3 mm", "20 mm", profile_shift=0.2),
+        hb.gears.Gear(60, "3 mm", "20 mm", internal=True, addendum=0.8, profile_shift=-0.2),
+    )
     mean = p.mesh(LOAD * 0.02 * p.base_radii[0]).stiffness.mean / 0.02
     assert mean == pytest.approx(iso_stiffness(p).mesh, rel=0.15)
 
@@ -399,8 +434,11 @@ def test_ring_is_computed_as_a_rack():
 def k_v(N, ratio, p, f, k, begin):
     """The four ranges of clause 6.4 of ISO 6336-1 once more, for B_p, B_f, B_k and the begin N_S of the second."""
     late = ratio > 2
-    at_2, at_3, at_4 = ((0.57 / (ratio - 0.3), 0.096 / (ratio - 1.56), (0.57 - 0.05 * ratio) / (ratio - 1.44))
-                        if late else (0.34, 0.23, 0.90))  # fmt: skip
+    at_2, at_3, at_4 = (
+        (0.57 / (ratio - 0.3), 0.096 / (ratio - 1.56), (0.57 - 0.05 * ratio) / (ratio - 1.44))
+        if late
+        else (0.34, 0.23, 0.90)
+    )
     at_6 = 0.12 / (ratio - 1.74) if late else 0.47
     at_7 = 0.75 if ratio <= 1.5 else 1.0 if ratio > 2.5 else 0.875 + 0.125 * np.sin(pi * (ratio - 2))
     low, high = 1 + 0.32 * p + at_2 * f + at_4 * k, 0.47 * p + at_6 * f + at_7
@@ -409,14 +447,24 @@ def k_v(N, ratio, p, f, k, begin):
     return low if N <= 1.15 else high if N >= 1.5 else high + (1.5 - N) / 0.35 * (low - high)
 
 
-@pytest.mark.parametrize(("alpha", "beta", "grade", "relief", "load"), [
-    (20, 0, 7, 0.0, 600.0), (20, 0, 5, 10e-6, 600.0), (20, 25, 5, 4e-6, 600.0), (20, 30, 8, 0.0, 600.0),
-    (28, 0, 6, 0.0, 600.0), (20, 10, 7, 0.0, 25.0), (20, 14, 7, 0.0, 99.0),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("alpha", "beta", "grade", "relief", "load"),
+    [
+        (20, 0, 7, 0.0, 600.0),
+        (20, 0, 5, 10e-6, 600.0),
+        (20, 25, 5, 4e-6, 600.0),
+        (20, 30, 8, 0.0, 600.0),
+        (28, 0, 6, 0.0, 600.0),
+        (20, 10, 7, 0.0, 25.0),
+        (20, 14, 7, 0.0, 99.0),
+    ],
+)
 def test_dynamic_factor_of_iso(alpha, beta, grade, relief, load):
     """In the units of the standard: N/mm, N/(mm um), kg/mm, um; total contact ratios from 1.40 to 2.96."""
-    gears = [hb.gears.Gear(z, "3 mm", "30 mm", pressure_angle=radians(alpha), helix_angle=radians(h), tip_relief=relief)
-             for z, h in ((25, beta), (40, -beta))]  # fmt: skip
+    gears = [
+        hb.gears.Gear(z, "3 mm", "30 mm", pressure_angle=radians(alpha), helix_angle=radians(h), tip_relief=relief)
+        for z, h in ((25, beta), (40, -beta))
+    ]
     p, torque = hb.GearPair(*gears), load * 30 * gears[0].reference_diameter / 2
     found = iso_stiffness(p, torque)
     d, mass = gears[1].reference_diameter * 1e3, p.equivalent_mass / 30
@@ -430,11 +478,16 @@ def test_dynamic_factor_of_iso(alpha, beta, grade, relief, load):
         assert hb.gears.iso_dynamic_factor(p, torque, N * resonance, grade) == pytest.approx(expected, rel=1e-12)
 
 
-@pytest.mark.parametrize(("torque", "speed", "grade", "said"), [
-    (0.0, 1000.0, 6, "torque = 0 N m must be positive"), ("5 N", 1000.0, 6, "N m"),
-    (100.0, np.nan, 6, "speed = nan must be a finite number"), (100.0, 1000.0, 0, "grade"),
-    (100.0, 1000.0, 12, "grade"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("torque", "speed", "grade", "said"),
+    [
+        (0.0, 1000.0, 6, "torque = 0 N m must be positive"),
+        ("5 N", 1000.0, 6, "N m"),
+        (100.0, np.nan, 6, "speed = nan must be a finite number"),
+        (100.0, 1000.0, 0, "grade"),
+        (100.0, 1000.0, 12, "grade"),
+    ],
+)
 def test_motions_without_a_dynamic_factor(torque, speed, grade, said):
     with pytest.raises(ValueError, match=said):
         hb.gears.iso_dynamic_factor(pair(25, 40, 3), torque, speed, grade)

@@ -56,8 +56,14 @@ def test_multipliers_are_those_of_the_variational_equation():
         Omega, rows = point.parameters["Omega"], curve.problem.motion(point.X, **point.parameters)
         k = np.arange(1, (rows.shape[1] + 1) // 2)
         begin = np.concatenate([rows[:, 0] + rows[:, 1::2].sum(axis=1), Omega * (rows[:, 2::2] * k).sum(axis=1)])
-        end = scipy.integrate.solve_ivp(_variational, (0, 2 * math.pi / Omega), [*begin, *np.eye(4).ravel()],
-                                        method="DOP853", rtol=1e-12, atol=1e-12).y[:, -1]  # fmt: skip
+        end = scipy.integrate.solve_ivp(
+            _variational,
+            (0, 2 * math.pi / Omega),
+            [*begin, *np.eye(4).ravel()],
+            method="DOP853",
+            rtol=1e-12,
+            atol=1e-12,
+        ).y[:, -1]
         np.testing.assert_allclose(end[:4], begin, atol=2e-7)
         trace = float(np.trace(end[4:].reshape(4, 4)))
         assert abs(found.multipliers[i].sum() + 2 - trace) < 1e-6

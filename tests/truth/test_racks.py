@@ -136,16 +136,23 @@ def test_friction_of_a_rack_is_the_limit_of_large_wheels(pair):
         (lambda: rack(inertia=1.0), "inertia belongs to a gear that turns, and this is a rack; give its mass"),
         (lambda: rack(runout="10 um"), "runout belongs to a gear that turns, and this is a rack; omit runout"),
         (lambda: hb.gears.Gear(25, "3 mm", "20 mm", rack=1), "rack = 1 must be True or False"),
-        (lambda: hb.GearPair(pinion(), rack(), center_distance="37.2 mm"),
-         "at center_distance = 37.2 mm the teeth overlap by 218 um"),
+        (
+            lambda: hb.GearPair(pinion(), rack(), center_distance="37.2 mm"),
+            "at center_distance = 37.2 mm the teeth overlap by 218 um",
+        ),
         (lambda: hb.GearPair(pinion(), rack(addendum=1.6), "80 um"), "give an addendum below 1.2500 modules"),
-        (lambda: hb.GearPair(pinion(), rack(), "80 um").model(
-            TORQUE, 0.04, "bearings", supports=(Support("1e8 N/m"), Support("1e8 N/m"))),
-         "this wheel is a rack, which moves along its length only"),
-        (lambda: hb.gears.Mesh.of("a", "b", hb.GearPair(pinion(), rack(), "80 um"), TORQUE),
-         "the wheel is a rack, and all wheels of a train turn"),
+        (
+            lambda: hb.GearPair(pinion(), rack(), "80 um").model(
+                TORQUE, 0.04, "bearings", supports=(Support("1e8 N/m"), Support("1e8 N/m"))
+            ),
+            "this wheel is a rack, which moves along its length only",
+        ),
+        (
+            lambda: hb.gears.Mesh.of("a", "b", hb.GearPair(pinion(), rack(), "80 um"), TORQUE),
+            "the wheel is a rack, and all wheels of a train turn",
+        ),
     ],
-)  # fmt: skip
+)
 def test_impossible_racks_are_refused(make, said):
     with pytest.raises(ValueError, match=said):
         make()

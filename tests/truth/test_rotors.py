@@ -26,8 +26,14 @@ def disc(s=1.0, element=None, **kwargs):
     G[2, 3], G[3, 2] = I_P, -I_P
     unbalance = Load(cosine={1: [U, 0, U_T, 0]}, sine={1: [0, U, 0, U_T]}, power=2)
     elements = [element or Element(np.eye(4)[i], Cubic(k1=0, k3=0)) for i in ((0,) if element else range(4))]
-    return System(np.diag([M, M, I_D, I_D]), np.diag([C, C, C_T, C_T]), np.diag([K, K, K_T, K_T]), elements, unbalance,
-                  speed=SpeedTerms(G, s, **kwargs))  # fmt: skip
+    return System(
+        np.diag([M, M, I_D, I_D]),
+        np.diag([C, C, C_T, C_T]),
+        np.diag([K, K, K_T, K_T]),
+        elements,
+        unbalance,
+        speed=SpeedTerms(G, s, **kwargs),
+    )
 
 
 @pytest.mark.parametrize("Omega", [0.4, 1.24, 1.7, 5.0])
@@ -62,8 +68,9 @@ def test_critical_speeds_of_a_gyroscopic_disc():
     found = campbell(still, (0.3, 3.0), points=20)
     expected = [np.sqrt(K_T / (I_D + I_P)), np.sqrt(K / M), np.sqrt(K / M)]
     np.testing.assert_allclose([one.Omega for one in found.critical], sorted(expected), rtol=1e-10)
-    thin = System(system.M, None, system.K, system.elements, system.load,
-                  speed=SpeedTerms(0.5 * system.speed.gyroscopic))  # fmt: skip
+    thin = System(
+        system.M, None, system.K, system.elements, system.load, speed=SpeedTerms(0.5 * system.speed.gyroscopic)
+    )
     assert np.sqrt(K_T / (I_D - I_P / 2)) == pytest.approx(4.898979, abs=1e-6)
     found = campbell(thin, (3.0, 6.0))
     assert [one.Omega for one in found.critical] == [pytest.approx(np.sqrt(24.0), rel=1e-10)]
@@ -89,8 +96,14 @@ def test_sense_of_whirl_of_an_elliptic_orbit():
     """Planes of stiffness k1, k2: (k1 - I w^2) a + i w g b = 0, and the sense is 2 Im(conj(a) b) over |a|^2 + |b|^2."""
     G, k1, k2, Omega = 0.3, 1.0, 1.5, 0.7
     linear = [Element([1.0, 0.0], Cubic(k1=0, k3=0))]
-    one = System(np.eye(2), None, np.diag([k1, k2]), linear, Load(cosine={1: [0.1, 0.0]}),
-                 speed=SpeedTerms(np.array([[0.0, G], [-G, 0.0]])))  # fmt: skip
+    one = System(
+        np.eye(2),
+        None,
+        np.diag([k1, k2]),
+        linear,
+        Load(cosine={1: [0.1, 0.0]}),
+        speed=SpeedTerms(np.array([[0.0, G], [-G, 0.0]])),
+    )
     found = campbell(one, (Omega, 2 * Omega), points=2)
     for i in range(2):
         w = found.frequencies[0, i]
@@ -120,8 +133,13 @@ def test_contacts_are_those_of_the_static_equilibrium():
 
 def test_teeth_without_load_are_not_in_contact():
     """Free gears with backlash and no torque: touching flanks carry no force, the mesh has no stiffness."""
-    gears = System(np.eye(2), None, np.diag([0.04, 0.0]), [Element([1.0, -1.0], Backlash(k=1.0, b=1.0), name="mesh")],
-                   Load(cosine={1: [0.1, 0.0]}))  # fmt: skip
+    gears = System(
+        np.eye(2),
+        None,
+        np.diag([0.04, 0.0]),
+        [Element([1.0, -1.0], Backlash(k=1.0, b=1.0), name="mesh")],
+        Load(cosine={1: [0.1, 0.0]}),
+    )
     found = campbell(gears, (0.1, 3.0), points=3)
     assert found.opened == ("mesh",) and found.frequencies[0].tolist() == pytest.approx([0.2])
 
@@ -214,8 +232,14 @@ def test_reduction_keeps_terms_that_depend_on_speed():
     G = np.block([[np.zeros((n, n)), np.eye(n)], [-np.eye(n), np.zeros((n, n))]]) / n
     stop = Element(np.eye(2 * n)[n // 2], Unilateral(2.0, 0.05))
     load = Load(cosine={1: np.eye(2 * n)[n // 2]}, sine={1: 0.3 * np.eye(2 * n)[n + 3]})
-    full = System(mass, 0.002 * K, K, [stop], load,
-                  speed=SpeedTerms(G, 0.7, stiffness=MatrixTable([0.1, 2.0], [0.1 * K, 0.2 * K])))  # fmt: skip
+    full = System(
+        mass,
+        0.002 * K,
+        K,
+        [stop],
+        load,
+        speed=SpeedTerms(G, 0.7, stiffness=MatrixTable([0.1, 2.0], [0.1 * K, 0.2 * K])),
+    )
     small = reduce(full, modes=30)
     assert small.error([0.5, 1.0, 2.0], Omega=1.0).max() < 1e-3
     X = [HarmonicBalance(system, 6).start(Omega=1.0) for system in (full, small.system)]
@@ -253,11 +277,15 @@ def test_switched_off_nothing_changes():
         (lambda: campbell(disc(), (2.0, 1.0)), "end of the span"),
         (lambda: campbell(disc(), (1.0, 2.0), {"mesh": -1.0}), "order 'mesh'"),
         (lambda: campbell(disc(), (1.0, 2.0), closed=[True]), "one for each element"),
-        (lambda: System(np.eye(3), None, np.eye(3), [Element(np.ones(3), Backlash())],
-                        speed=SpeedTerms(np.zeros((2, 2)))), "shape of M"),
+        (
+            lambda: System(
+                np.eye(3), None, np.eye(3), [Element(np.ones(3), Backlash())], speed=SpeedTerms(np.zeros((2, 2)))
+            ),
+            "shape of M",
+        ),
         (lambda: HarmonicBalance(disc(damping=lambda w: np.eye(3)), 3).start(Omega=1.0), r"need \(4, 4\)"),
     ],
-)  # fmt: skip
+)
 def test_bad_input(make, said):
     with pytest.raises((ValueError, TypeError), match=said):
         make()

@@ -181,8 +181,10 @@ def test_a_stiff_housing_is_the_ground():
     table = hb.mechanics.MatrixTable([10.0, 1e4], [1e7 * np.eye(2), 3e7 * np.eye(2)])
     bearing = hb.gears.Bearing("pinion", "2e8 N/m", "3e8 N/m", table=table)
     seats = {"pinion": {"x": "h1", "y": "h2"}}
-    trains = [hb.gears.Train(gears(moves="plane"), [MESH], bearings=[bearing], balance="gear", housing=box)
-              for box in (None, hb.gears.Housing(np.diag([1.0, 1.0]), 1e16 * np.eye(2), seats=seats))]  # fmt: skip
+    trains = [
+        hb.gears.Train(gears(moves="plane"), [MESH], bearings=[bearing], balance="gear", housing=box)
+        for box in (None, hb.gears.Housing(np.diag([1.0, 1.0]), 1e16 * np.eye(2), seats=seats))
+    ]
     problems = [hb.HarmonicBalance(train, 8) for train in trains]
     X = [problem.start(Omega=0.8) for problem in problems]
     np.testing.assert_allclose(X[1], X[0], atol=1e-6 * np.abs(X[0]).max())
@@ -207,12 +209,18 @@ def bent(second, length=0.2, z=0.0):
         (lambda: bent("d", None), "larger z"),
         (lambda: bent("d", z=0.3), "leave one out"),
         (lambda: hb.gears.Wheel("a", 1.0, unbalance=1e-3), "cannot move sideways"),
-        (lambda: hb.gears.Train([*gears(), hb.gears.Wheel("d", 1.0, 1.0, moves="plane", unbalance=1e-3)], [MESH],
-            balance="gear"),
-         "does not turn"),
-        (lambda: hb.gears.Bearing("a", 1e8, 1e8, clearance="3 mm", table=hb.mechanics.MatrixTable([1, 2],
-            np.zeros((2, 2, 2)))),
-         "needs springs x or y"),
+        (
+            lambda: hb.gears.Train(
+                [*gears(), hb.gears.Wheel("d", 1.0, 1.0, moves="plane", unbalance=1e-3)], [MESH], balance="gear"
+            ),
+            "does not turn",
+        ),
+        (
+            lambda: hb.gears.Bearing(
+                "a", 1e8, 1e8, clearance="3 mm", table=hb.mechanics.MatrixTable([1, 2], np.zeros((2, 2, 2)))
+            ),
+            "needs springs x or y",
+        ),
         (lambda: hb.gears.Bearing("a", clearance="3 um"), "needs springs x or y"),
         (lambda: hb.gears.Housing(np.eye(2), np.eye(3)), "as M has"),
         (lambda: hb.gears.Housing(np.eye(2), np.full((2, 2), np.nan)), "not finite"),
@@ -220,11 +228,14 @@ def bent(second, length=0.2, z=0.0):
         (lambda: hb.gears.Housing(np.eye(2), np.eye(2), seats={"pinion": {"x": "h3"}}), "no coordinate 'h3'"),
         (lambda: hb.gears.Housing(np.eye(2), np.eye(2), seats={"pinion": {"up": "h1"}}), "must be one of x, y, z"),
         (lambda: hb.gears.Housing(np.eye(2), np.eye(2), seats=["pinion"]), "must be a dict"),
-        (lambda: hb.gears.Train(gears(), [MESH], balance="gear", housing=hb.gears.Housing([[1.0]], [[1.0]],
-            seats={"mill": {}})),
-         "no wheel 'mill'"),
+        (
+            lambda: hb.gears.Train(
+                gears(), [MESH], balance="gear", housing=hb.gears.Housing([[1.0]], [[1.0]], seats={"mill": {}})
+            ),
+            "no wheel 'mill'",
+        ),
     ],
-)  # fmt: skip
+)
 def test_bad_input(make, message):
     with pytest.raises(ValueError, match=message):
         make()

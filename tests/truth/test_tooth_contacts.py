@@ -229,9 +229,13 @@ def test_a_fluctuating_torque_is_a_field_of_a_pair():
     """The pair with one mesh period of contacts, of order 10, has the equations of the case over ten meshes."""
     inputs = CASES["R1"]["inputs"]
     pair = hb.SpurPair(
-        inputs["zeta"], inputs["F0"], e=(), contacts=law({**inputs, "period_meshes": 1, "backlash": 0.0}),
-        mesh_order=10, fluctuation=hb.mechanics.Series(cosine=(inputs["F1"],)),
-    )  # fmt: skip
+        inputs["zeta"],
+        inputs["F0"],
+        e=(),
+        contacts=law({**inputs, "period_meshes": 1, "backlash": 0.0}),
+        mesh_order=10,
+        fluctuation=hb.mechanics.Series(cosine=(inputs["F1"],)),
+    )
     motion = CASES["R1"]["motions"][0]
     X, Omega, known = np.zeros(81), motion["Omega"] / 10, len(motion["cosine"])
     X[0], X[1 : 2 * known : 2], X[2 : 2 * known + 1 : 2] = motion["mean"], motion["cosine"], motion["sine"]
@@ -247,8 +251,9 @@ def test_folds_of_a_drawn_pair_pass_grazing_contacts_of_teeth():
     Beyond them they are the folds of a curve traced there, to rounding; one of them has turned back before.
     """
     model = hb.gears.DrawnPair(gear_pair(tip_relief="12 um"), 200.0, 0.04)
-    curve, other = (hb.trace(hb.HarmonicBalance(model.replace(damping=z), 16), "Omega", model.default_span)
-                    for z in (0.04, 0.034))  # fmt: skip
+    curve, other = (
+        hb.trace(hb.HarmonicBalance(model.replace(damping=z), 16), "Omega", model.default_span) for z in (0.04, 0.034)
+    )
     true = np.array([p.parameters["Omega"] for one in other.curves for p in one.special if p.kind == "LP"])
     for label in ("LP2", "LP3", "LP4"):
         folds = hb.follow(curve, label, "damping", (0.04, 0.034))

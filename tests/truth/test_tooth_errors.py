@@ -113,8 +113,10 @@ def test_gaps_of_displaced_teeth():
     """An arc f of the reference circle turns the base circle by f d_b / d; a tooth of the wheel that lags behind is
     closer to the tooth that drives it."""
     errors = [[9e-6 * (p == 3) for p in range(20)], [-2e-6 * (p == 3) for p in range(30)]]
-    gears = [hb.gears.Gear(len(f), "3 mm", "20 mm", helix_angle=h, pitch_errors=f)
-             for f, h in zip(errors, (0.3, -0.3), strict=True)]  # fmt: skip
+    gears = [
+        hb.gears.Gear(len(f), "3 mm", "20 mm", helix_angle=h, pitch_errors=f)
+        for f, h in zip(errors, (0.3, -0.3), strict=True)
+    ]
     base = gears[1].base_diameter / gears[1].reference_diameter
     for side in (1, -1):
         found = pair_gaps(hb.GearPair(*gears, backlash="80 um"), side, 60)
@@ -130,14 +132,18 @@ def test_pitch_errors_of_an_eccentric_gear_are_its_run_out(which):
     e, teeth = 10e-6, (25, 40)
     z = teeth[which]
     arcs = -e * np.sin(TURN * np.arange(z) / z)  # positive for a tooth that lags behind
-    gears = [[hb.gears.Gear(n, "3 mm", "20 mm", **(given if i == which else {})) for i, n in enumerate(teeth)]
-             for given in ({"runout": 2 * e}, {"pitch_errors": arcs})]  # fmt: skip
+    gears = [
+        [hb.gears.Gear(n, "3 mm", "20 mm", **(given if i == which else {})) for i, n in enumerate(teeth)]
+        for given in ({"runout": 2 * e}, {"pitch_errors": arcs})
+    ]
     pair = hb.GearPair(*gears[0], backlash="80 um")
     drive, back = (gap_waves(pair, side)[0] for side in (1, -1))
     found = pair_gaps(hb.GearPair(*gears[1], backlash="80 um"), 1, z)
     times = middle_passes(pair, which) + np.arange(z)
-    mean = [sum(side * w.amplitude * sin(TURN * t / w.meshes + w.phase) for side, w in ((1, drive), (-1, back))) / 2
-            for t in times]  # fmt: skip
+    mean = [
+        sum(side * w.amplitude * sin(TURN * t / w.meshes + w.phase) for side, w in ((1, drive), (-1, back))) / 2
+        for t in times
+    ]
     np.testing.assert_allclose([found.get(p, 0.0) for p in range(z)], mean, rtol=0, atol=1e-12)
 
 
@@ -172,13 +178,23 @@ def test_motion_of_a_drawing_closes_under_integration():
 
     orders = np.arange(1, H + 1)
     state = [X[0] + X[1::2].sum(), float(orders @ X[2::2])]
-    ends = np.unique(np.concatenate([(flank.stiffness.nodes[[0, -1]][:, None] + np.arange(18)).ravel() % 18
-                                     for flank in mesh.flanks]))  # fmt: skip
+    ends = np.unique(
+        np.concatenate(
+            [(flank.stiffness.nodes[[0, -1]][:, None] + np.arange(18)).ravel() % 18 for flank in mesh.flanks]
+        )
+    )
     start = np.array(state)
     for begin, end in zip([0.0, *ends], [*ends, 18.0], strict=True):
         if end > begin + 1e-12:
-            found = scipy.integrate.solve_ivp(right, (TURN * begin / 18, TURN * end / 18), state, "DOP853", rtol=1e-7,
-                                              atol=1e-7, first_step=(end - begin) / 40)  # fmt: skip
+            found = scipy.integrate.solve_ivp(
+                right,
+                (TURN * begin / 18, TURN * end / 18),
+                state,
+                "DOP853",
+                rtol=1e-7,
+                atol=1e-7,
+                first_step=(end - begin) / 40,
+            )
             state = found.y[:, -1]
     np.testing.assert_allclose(state, start, rtol=0, atol=1e-3)
 
@@ -229,8 +245,10 @@ def test_periods_and_trains():
     assert train.orders["a-b"] == 20
     X = np.zeros(81)
     X[[0, 1, 4, 39, 42]] = 1.4, 0.1, 0.05, -0.2, 0.1
-    two = [hb.HarmonicBalance(model, 40, orders=range(1, 41)).evaluate(X, Omega=0.03)[0]
-           for model in (train, one.model(100, 0.04))]  # fmt: skip
+    two = [
+        hb.HarmonicBalance(model, 40, orders=range(1, 41)).evaluate(X, Omega=0.03)[0]
+        for model in (train, one.model(100, 0.04))
+    ]
     np.testing.assert_allclose(two[0], two[1], rtol=0, atol=1e-9)
     assert pair_gaps(one, 1, 20) == {}
 
@@ -243,8 +261,11 @@ def test_a_tooth_of_an_idler_is_the_same_in_both_meshes(place):
     gears = [hb.gears.Gear(n, "3 mm", "20 mm", pitch_errors=errors if n == 30 else ()) for n in z]
     pairs = hb.GearPair(*gears[:2], "80 um"), hb.GearPair(*gears[1:], "80 um")
     x, y = 82.5e-3 + 105e-3 * cos(place), 105e-3 * sin(place)
-    wheels = [hb.gears.Wheel.of("in", gears[0], torque=100.0), hb.gears.Wheel.of("idler", gears[1], x=82.5e-3),
-              hb.gears.Wheel.of("out", gears[2], x=x, y=y)]  # fmt: skip
+    wheels = [
+        hb.gears.Wheel.of("in", gears[0], torque=100.0),
+        hb.gears.Wheel.of("idler", gears[1], x=82.5e-3),
+        hb.gears.Wheel.of("out", gears[2], x=x, y=y),
+    ]
     meshes = [hb.gears.Mesh.of("in", "idler", pairs[0], 100.0), hb.gears.Mesh.of("idler", "out", pairs[1], 120.0)]
     train = hb.gears.Train(wheels, meshes, balance="out")
     pitch = [mesh.pitch_phase / TURN for mesh in meshes]
@@ -268,14 +289,19 @@ def test_the_eccentricity_of_an_idler_is_the_same_in_both_meshes(place, helix):
     """Its centre is displaced by e in a direction that turns with it: the gaps of both meshes, whose flanks are a tooth
     apart and whose faces differ, are the components of one vector along their lines of action."""
     widths = "20 mm", "30 mm", "30 mm"
-    gears = [hb.gears.Gear(z, "3 mm", width, helix_angle=h, profile_shift=x, runout=e)
-             for z, width, h, x, e in zip((25, 30, 40), widths, (helix, -helix, helix), (0.1, 0.3, 0.2),
-                                          (0.0, 10e-6, 0.0), strict=True)]  # fmt: skip
+    gears = [
+        hb.gears.Gear(z, "3 mm", width, helix_angle=h, profile_shift=x, runout=e)
+        for z, width, h, x, e in zip(
+            (25, 30, 40), widths, (helix, -helix, helix), (0.1, 0.3, 0.2), (0.0, 10e-6, 0.0), strict=True
+        )
+    ]
     pairs = hb.GearPair(*gears[:2], "80 um"), hb.GearPair(*gears[1:], "80 um")
     first, second = (pair.working_center_distance for pair in pairs)
     at = (0.0, 0.0), (first, 0.0), (first + second * cos(place), second * sin(place))
-    wheels = [hb.gears.Wheel.of(name, gear, x=x, y=y, torque=100.0 * (name == "in"), moves="plane")
-              for name, gear, (x, y) in zip(("in", "idler", "out"), gears, at, strict=True)]  # fmt: skip
+    wheels = [
+        hb.gears.Wheel.of(name, gear, x=x, y=y, torque=100.0 * (name == "in"), moves="plane")
+        for name, gear, (x, y) in zip(("in", "idler", "out"), gears, at, strict=True)
+    ]
     meshes = [hb.gears.Mesh.of("in", "idler", pairs[0], 100.0), hb.gears.Mesh.of("idler", "out", pairs[1], 120.0)]
     train = hb.gears.Train(wheels, meshes, balance="out")
     tau, angles = TURN * (np.arange(3000) + 0.5) / 3000, []

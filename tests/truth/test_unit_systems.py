@@ -16,9 +16,13 @@ from hbgear.time.exponential.integrator import ExponentialIntegrator
 from hbgear.time.exponential.segments import segment_at
 
 UNITS = {
-    "length": (1e-6, 1.0, 1.0), "tiny": (1e-12, 1.0, 1.0), "large": (1e6, 1.0, 1.0), "time": (1.0, 1e3, 1.0),
-    "mass": (1.0, 1.0, 1e3), "all": (1e-6, 1e3, 1e3),
-}  # fmt: skip
+    "length": (1e-6, 1.0, 1.0),
+    "tiny": (1e-12, 1.0, 1.0),
+    "large": (1e6, 1.0, 1.0),
+    "time": (1.0, 1e3, 1.0),
+    "mass": (1.0, 1.0, 1e3),
+    "all": (1e-6, 1e3, 1e3),
+}
 
 
 def scaled_series(series, times):
@@ -154,8 +158,13 @@ def rubbing_mass(L=1.0, T=1.0, M=1.0):
 
 
 OTHER_UNITS = [
-    (1e-6, 1.0, 1.0), (1e-12, 1.0, 1.0), (1e6, 1.0, 1.0), (1e-9, 1e-6, 1e-12), (1.0, 1e-7, 1.0), (1e3, 1e3, 1e6)
-]  # fmt: skip
+    (1e-6, 1.0, 1.0),
+    (1e-12, 1.0, 1.0),
+    (1e6, 1.0, 1.0),
+    (1e-9, 1e-6, 1e-12),
+    (1.0, 1e-7, 1.0),
+    (1e3, 1e3, 1e6),
+]
 
 
 @pytest.fixture(scope="module")

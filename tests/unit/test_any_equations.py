@@ -99,8 +99,14 @@ def test_a_large_sparse_problem_stays_sparse(monkeypatch):
 
     monkeypatch.setattr(np.linalg, "solve", lambda *_: pytest.fail("dense solution"))
     problem = Bratu(10_000)
-    curve = hb.trace(problem, "p", (0.0, 1.0), np.zeros(10_000), settings=hb.NewtonSettings(tolerance=1e-8),
-                     steps=hb.StepControl(first_step=0.5, max_step=0.5))  # fmt: skip
+    curve = hb.trace(
+        problem,
+        "p",
+        (0.0, 1.0),
+        np.zeros(10_000),
+        settings=hb.NewtonSettings(tolerance=1e-8),
+        steps=hb.StepControl(first_step=0.5, max_step=0.5),
+    )
     assert curve.status is hb.Status.REACHED_END
     t = 0.37929  # u(1/2) = 2 log cosh t, p = 8 t^2 / cosh^2 t
     for _ in range(50):

@@ -296,10 +296,19 @@ def test_unknowns_of_another_number_of_harmonics_are_refused(count):
     problem, X = HarmonicBalance(SpurPair(), 9), np.full(count, 0.7)
     at = {"Omega": 1.0}
     for ask in (
-        problem.evaluate, problem.residual, problem.multipliers, problem.regime, problem.clearance, problem.switching,
-        problem.truncation, problem.observe, problem.force_rows, problem.mesh_forces, problem.motion,
+        problem.evaluate,
+        problem.residual,
+        problem.multipliers,
+        problem.regime,
+        problem.clearance,
+        problem.switching,
+        problem.truncation,
+        problem.observe,
+        problem.force_rows,
+        problem.mesh_forces,
+        problem.motion,
         lambda X, **at: problem.linearise(X, "Omega", **at),
-    ):  # fmt: skip
+    ):
         with pytest.raises(ValueError, match=r"need the unknowns of one motion, 1 x \(2H \+ 1\) = 19 numbers"):
             ask(X, **at)
 

@@ -65,9 +65,12 @@ def test_monte_carlo_of_whole_curves(curve):
     spread = {"zeta": 1e-4, "e[0]": 5e-5, "F_m": 2e-4}
     band = hb.design.response_band(curve, spread)
     xi = np.random.default_rng(3).normal(size=(40, 3))
-    drawn = np.array([
-        displaced(band, moved(PAIR, **{n: x * s for (n, s), x in zip(spread.items(), row, strict=True)})) for row in xi
-    ])  # fmt: skip
+    drawn = np.array(
+        [
+            displaced(band, moved(PAIR, **{n: x * s for (n, s), x in zip(spread.items(), row, strict=True)}))
+            for row in xi
+        ]
+    )
     turned = np.abs(np.gradient(np.unwrap(np.arctan2(*band.normal.T))))
     path = np.column_stack([band.frequency, band.amplitude]) / band.size
     radius = np.linalg.norm(np.gradient(path, axis=0), axis=1) / turned

@@ -47,13 +47,24 @@ def make(nu=1, H=3, **changes):
     point = Point(X[6], {"Omega": 2.0}, 0.0, 0, None, np.array([0, 0], np.int8), 0.5, None)
     jumps = (Jump("LP1", "Omega", 1 / 3, -1, special[0], point), Jump("GR1", "Omega", 0.7, 1, special[1], None))
     defaults = {
-        "parameter": "Omega", "values": np.linspace(1.5, 0.9, P) / 3, "X": X, "fixed": {"zeta": 0.3},
-        "tracked": {"F_m": rng.normal(size=P)}, "multipliers": mu, "iterations": np.arange(P),
-        "residual": 10.0 ** -rng.uniform(9, 14, P), "regime": np.tile(np.array([[1, 0]], np.int8), (P, 1)),
-        "error": error, "step": np.zeros(P), "special": special, "jump_records": jumps, "status": Status.MAX_POINTS,
-        "message": "größer", "layout": layout,
+        "parameter": "Omega",
+        "values": np.linspace(1.5, 0.9, P) / 3,
+        "X": X,
+        "fixed": {"zeta": 0.3},
+        "tracked": {"F_m": rng.normal(size=P)},
+        "multipliers": mu,
+        "iterations": np.arange(P),
+        "residual": 10.0 ** -rng.uniform(9, 14, P),
+        "regime": np.tile(np.array([[1, 0]], np.int8), (P, 1)),
+        "error": error,
+        "step": np.zeros(P),
+        "special": special,
+        "jump_records": jumps,
+        "status": Status.MAX_POINTS,
+        "message": "größer",
+        "layout": layout,
         "meta": {"hbgear": "0.1", "model": {"class": "SpurPair", "parameters": {"eps": [0.1, 0.2], "e": ()}}, "H": 3},
-    }  # fmt: skip
+    }
     return Branch(**{**defaults, **changes})
 
 
@@ -214,10 +225,14 @@ def test_stability_is_the_unit_circle_and_may_be_unknown():
 def test_deprecated_names_return_the_attributes_that_replace_them():
     b = make(problem=object())
     for owner, old, new in (
-        (b, "doubts", b.warnings), (b, "verdicts", b.stability), (b, "recorded", b.full_motion),
-        (b, "known_problem", b.require_problem()), (b[0], "verdict", b[0].stability),
-        (b["LP1"], "verdict", b["LP1"].stability), (b.jumps()[0], "decided", "nearest"),
-    ):  # fmt: skip
+        (b, "doubts", b.warnings),
+        (b, "verdicts", b.stability),
+        (b, "recorded", b.full_motion),
+        (b, "known_problem", b.require_problem()),
+        (b[0], "verdict", b[0].stability),
+        (b["LP1"], "verdict", b["LP1"].stability),
+        (b.jumps()[0], "decided", "nearest"),
+    ):
         with pytest.warns(DeprecationWarning, match=rf"\.{old} is deprecated: use "):
             assert getattr(owner, old) == new
     with pytest.raises(ValueError, match=r"needs the problem of the branch.*hbgear\.load\(path, problem="):
@@ -228,9 +243,15 @@ def test_regimes_are_those_of_the_worst_element():
     codes = np.array([[0, 0], [1, 0], [0, 2], [-1, -1], [-1, 0], [0, 5], [2, 1], [0, 1]])
     b = make(regime=codes)
     assert b.regimes == [
-        "no_impact", "single_sided", "double_sided", "unknown", "no_impact", "gross_slip", "double_sided",
+        "no_impact",
         "single_sided",
-    ]  # fmt: skip
+        "double_sided",
+        "unknown",
+        "no_impact",
+        "gross_slip",
+        "double_sided",
+        "single_sided",
+    ]
     assert b[2].regime_name == "double_sided"
 
 
@@ -275,9 +296,15 @@ def test_a_branch_without_layout_has_no_amplitudes():
 
 @pytest.mark.parametrize(
     ("name", "value"),
-    [("X", np.zeros((7, 14))), ("X", np.zeros((8, 13))), ("residual", np.zeros(3)), ("regime", np.zeros(8)),
-     ("multipliers", np.zeros((9, 2))), ("tracked", {"F": np.zeros(2)})],
-)  # fmt: skip
+    [
+        ("X", np.zeros((7, 14))),
+        ("X", np.zeros((8, 13))),
+        ("residual", np.zeros(3)),
+        ("regime", np.zeros(8)),
+        ("multipliers", np.zeros((9, 2))),
+        ("tracked", {"F": np.zeros(2)}),
+    ],
+)
 def test_wrong_shapes_are_refused(name, value):
     with pytest.raises(ValueError, match=r"Branch: (.*points|points of 13)"):
         make(**{name: value})
@@ -360,11 +387,16 @@ def test_missing_foreign_and_damaged_files(tmp_path):
 
 @pytest.mark.parametrize(
     "arrays",
-    [{"X": np.zeros(3)}, {"header": np.zeros(3)}, {"header": np.array("{}")}, {"header": np.array("[1]")},
-     {"header": np.array('{"format": "other", "schema": 1}')},
-     {"header": np.array('{"format": "hbgear branch", "schema": 1, "branch": {"__class__": "Branch"}}')},
-     {"header": np.array('{"format": "hbgear branch", "schema": 1, "branch": {"__class__": "os"}}')}],
-)  # fmt: skip
+    [
+        {"X": np.zeros(3)},
+        {"header": np.zeros(3)},
+        {"header": np.array("{}")},
+        {"header": np.array("[1]")},
+        {"header": np.array('{"format": "other", "schema": 1}')},
+        {"header": np.array('{"format": "hbgear branch", "schema": 1, "branch": {"__class__": "Branch"}}')},
+        {"header": np.array('{"format": "hbgear branch", "schema": 1, "branch": {"__class__": "os"}}')},
+    ],
+)
 def test_foreign_npz(tmp_path, arrays):
     np.savez(tmp_path / "b.npz", **arrays)
     with pytest.raises(ValueError, match=r"cannot be read as a branch .*need an \.npz written by"):
@@ -463,10 +495,20 @@ def test_csv_has_a_column_for_everything_and_loses_no_digit(tmp_path):
     assert len(rows) == len(b)
     per_element = ["regime", "rms", "pp2", "max", "mean", "a0", "a1", "b1", "a2", "b2", "a3", "b3"]
     assert list(rows[0]) == [
-        "Omega", "F_m", "special", "special_value", "special_error", "landing", "stable", "multiplier_max", "residual",
-        "iterations", "error",
-        *(f"{name}_left" for name in per_element), *(f"{name}_right mesh" for name in per_element),
-    ]  # fmt: skip
+        "Omega",
+        "F_m",
+        "special",
+        "special_value",
+        "special_error",
+        "landing",
+        "stable",
+        "multiplier_max",
+        "residual",
+        "iterations",
+        "error",
+        *(f"{name}_left" for name in per_element),
+        *(f"{name}_right mesh" for name in per_element),
+    ]
 
     def column(name):
         return np.array([float(row[name]) for row in rows])

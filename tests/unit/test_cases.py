@@ -151,8 +151,13 @@ def test_quick_cases_are_handed_over_in_groups(monkeypatch):
     monkeypatch.setattr("hbgear.design.studies.case_work.run_case", quick)
     reports = []
     with Counting(1) as here:
-        found = cases(DUFFING, grid(zeta=range(900)), ("peak",), executor=here,
-                      progress=lambda now: reports.append(now.numbers["finished"]))  # fmt: skip
+        found = cases(
+            DUFFING,
+            grid(zeta=range(900)),
+            ("peak",),
+            executor=here,
+            progress=lambda now: reports.append(now.numbers["finished"]),
+        )
     assert reports == list(range(901)) and 256 < here.handed < 300
     assert found.table["peak"].tolist() == list(range(900)) and found.failed == {899: "odd"}
 

@@ -115,10 +115,20 @@ def test_info_summarises_the_file(run, saved):
     curve = hb.load(saved)
     assert (code, err) == (0, "")
     facts = [
-        "Spur pair, F_m = 0.11", "harmonics = 5", f"{len(curve)} points", "complete: ", "no impact, single-sided",
-        f"{curve.amplitude('pp2').max():.5g}", f"{curve.residual.max():.1e}", f"{curve.error.max():.1e}",
-        f"{int((~curve.stable).sum())} unstable", "LP1", "GR1", "grazing contact", "jumps of a slow sweep",
-    ]  # fmt: skip
+        "Spur pair, F_m = 0.11",
+        "harmonics = 5",
+        f"{len(curve)} points",
+        "complete: ",
+        "no impact, single-sided",
+        f"{curve.amplitude('pp2').max():.5g}",
+        f"{curve.residual.max():.1e}",
+        f"{curve.error.max():.1e}",
+        f"{int((~curve.stable).sum())} unstable",
+        "LP1",
+        "GR1",
+        "grazing contact",
+        "jumps of a slow sweep",
+    ]
     for fact in facts:
         assert fact in out
     assert re.search(r"\bb=", out) is None  # fields at their defaults are not listed

@@ -52,8 +52,18 @@ def folder(tmp_path_factory):
     """A folder with a file of models and the curve of the two masses."""
     path = tmp_path_factory.mktemp("motions")
     (path / "models.py").write_text(textwrap.dedent(MODELS), encoding="utf-8")
-    done = run("trace", f"{path}/models.py:masses", "--from", "1.1", "--to", "1.15", "--harmonics", "5", "-o",
-               f"{path}/masses.npz")  # fmt: skip
+    done = run(
+        "trace",
+        f"{path}/models.py:masses",
+        "--from",
+        "1.1",
+        "--to",
+        "1.15",
+        "--harmonics",
+        "5",
+        "-o",
+        f"{path}/masses.npz",
+    )
     assert done.exit_code in (0, 3), done.output
     return path
 
@@ -67,8 +77,9 @@ def numbers(line):
 
 
 def test_backbone(tmp_path):
-    done = run("backbone", "spur-pair", "--amplitudes", "0.01:0.2", "-o", f"{tmp_path}/b.npz", "--plot",
-               f"{tmp_path}/b.png")  # fmt: skip
+    done = run(
+        "backbone", "spur-pair", "--amplitudes", "0.01:0.2", "-o", f"{tmp_path}/b.npz", "--plot", f"{tmp_path}/b.png"
+    )
     assert done.exit_code == 0 and "backbone of mode 1" in done.output
     assert "a backbone has no jumps: they belong to response curves" in run("jumps", f"{tmp_path}/b.npz").output
     saved = hb.load(tmp_path / "b.npz")
@@ -79,8 +90,9 @@ def test_backbone(tmp_path):
 
 @pytest.mark.slow
 def test_cycles(folder):
-    done = run("cycles", f"{folder}/models.py:oscillator", "--in", "damping=0.4:0", "--harmonics", "9", "-o",
-               f"{folder}/c.npz")  # fmt: skip
+    done = run(
+        "cycles", f"{folder}/models.py:oscillator", "--in", "damping=0.4:0", "--harmonics", "9", "-o", f"{folder}/c.npz"
+    )
     assert done.exit_code == 0 and "Hopf points" in done.output
     saved = hb.load(folder / "c.npz")
     assert saved.tracked["Omega"][-1] == pytest.approx(0.9975088563587282, abs=1e-8)  # eps = 0.2, by shooting
@@ -89,8 +101,21 @@ def test_cycles(folder):
 
 @pytest.mark.slow
 def test_torus(folder):
-    done = run("torus", f"{folder}/masses.npz", "NS1", "--model", f"{folder}/models.py:masses", "--from", "1.1", "--to",
-               "1.13", "-o", f"{folder}/t.npz", "--plot", f"{folder}/t.png")  # fmt: skip
+    done = run(
+        "torus",
+        f"{folder}/masses.npz",
+        "NS1",
+        "--model",
+        f"{folder}/models.py:masses",
+        "--from",
+        "1.1",
+        "--to",
+        "1.13",
+        "-o",
+        f"{folder}/t.npz",
+        "--plot",
+        f"{folder}/t.png",
+    )
     assert done.exit_code == 0 and "Estimated relative error: response" in done.output, done.output
     saved = hb.load(folder / "t.npz")
     assert ("no special points" in done.output) is not bool(saved.special)
@@ -98,8 +123,18 @@ def test_torus(folder):
     assert ratio == pytest.approx(0.08538421776875502, abs=1e-4)  # invariant circle
     assert (folder / "t.png").stat().st_size > 1000
     assert run("info", f"{folder}/t.npz").exit_code == 0
-    done = run("torus", f"{folder}/t.npz", "--model", f"{folder}/models.py:masses", "--from", "1.1", "--to", "1.14",
-               "-o", f"{folder}/longer.npz")  # fmt: skip
+    done = run(
+        "torus",
+        f"{folder}/t.npz",
+        "--model",
+        f"{folder}/models.py:masses",
+        "--from",
+        "1.1",
+        "--to",
+        "1.14",
+        "-o",
+        f"{folder}/longer.npz",
+    )
     assert done.exit_code == 0 and f"{len(saved)} points of {folder}/t.npz continued" in done.output, done.output
     assert hb.load(folder / "longer.npz").values[-1] == 1.14
     done = run("torus", f"{folder}/t.npz", "--model", f"{folder}/models.py:masses", "--to", "1.27")
@@ -115,12 +150,45 @@ def test_the_stability_of_a_backbone_without_dissipation(folder, end, expected):
 @pytest.mark.slow
 def test_tori_and_backbones_are_drawn_on_saved_curves(folder):
     """`hbgear plot --with`, a report and the explorer have them, in the units of the axes."""
-    assert run("torus", f"{folder}/masses.npz", "NS1", "--model", f"{folder}/models.py:masses", "--from", "1.1", "--to",
-               "1.12", "-o", f"{folder}/tori.npz").exit_code == 0  # fmt: skip
-    assert run("backbone", f"{folder}/models.py:masses", "--amplitudes", "0.01:0.3", "--harmonics", "5", "-o",
-               f"{folder}/backbone.npz").exit_code == 0  # fmt: skip
-    done = run("plot", f"{folder}/masses.npz", "--with", f"{folder}/tori.npz", "--with", f"{folder}/backbone.npz", "-o",
-               f"{folder}/all.svg")  # fmt: skip
+    assert (
+        run(
+            "torus",
+            f"{folder}/masses.npz",
+            "NS1",
+            "--model",
+            f"{folder}/models.py:masses",
+            "--from",
+            "1.1",
+            "--to",
+            "1.12",
+            "-o",
+            f"{folder}/tori.npz",
+        ).exit_code
+        == 0
+    )
+    assert (
+        run(
+            "backbone",
+            f"{folder}/models.py:masses",
+            "--amplitudes",
+            "0.01:0.3",
+            "--harmonics",
+            "5",
+            "-o",
+            f"{folder}/backbone.npz",
+        ).exit_code
+        == 0
+    )
+    done = run(
+        "plot",
+        f"{folder}/masses.npz",
+        "--with",
+        f"{folder}/tori.npz",
+        "--with",
+        f"{folder}/backbone.npz",
+        "-o",
+        f"{folder}/all.svg",
+    )
     assert done.exit_code == 0, done.output
     figure = (folder / "all.svg").read_text(encoding="utf-8")
     assert 'id="tori' in figure and 'id="backbone' in figure
@@ -153,8 +221,19 @@ def test_axes_of_machines_with_scales_are_physical():
 
 def test_follow(folder):
     """The Neimark-Sacker point at F = 0.1 by shooting."""
-    done = run("follow", f"{folder}/masses.npz", "NS1", "--in", "F=0.13:0.1", "--model", f"{folder}/models.py:masses",
-               "-o", f"{folder}/f.npz", "--plot", f"{folder}/f.png")  # fmt: skip
+    done = run(
+        "follow",
+        f"{folder}/masses.npz",
+        "NS1",
+        "--in",
+        "F=0.13:0.1",
+        "--model",
+        f"{folder}/models.py:masses",
+        "-o",
+        f"{folder}/f.npz",
+        "--plot",
+        f"{folder}/f.png",
+    )
     assert done.exit_code == 0, done.output
     assert hb.load(folder / "f.npz").tracked["Omega"][-1] == pytest.approx(1.1301287894345817, abs=1e-5)
     assert "no special points" in done.output and (folder / "f.png").stat().st_size > 1000
@@ -164,8 +243,17 @@ def test_follow(folder):
 def test_a_point_of_a_saved_backbone_is_followed(tmp_path):
     """Contact is lost where the rms is the mean load over the square root of 2."""
     assert run("backbone", "spur-pair", "--amplitudes", "0.01:0.2", "-o", f"{tmp_path}/b.npz").exit_code == 0
-    done = run("follow", f"{tmp_path}/b.npz", "GR1", "--in", "F_m=0.1:0.3", "-o", f"{tmp_path}/f.npz", "--plot",
-               f"{tmp_path}/f.png")  # fmt: skip
+    done = run(
+        "follow",
+        f"{tmp_path}/b.npz",
+        "GR1",
+        "--in",
+        "F_m=0.1:0.3",
+        "-o",
+        f"{tmp_path}/f.npz",
+        "--plot",
+        f"{tmp_path}/f.png",
+    )
     assert done.exit_code == 0, done.output
     found = hb.load(tmp_path / "f.npz")
     assert found.tracked["amplitude"][-1] == pytest.approx(0.3 / 2**0.5, rel=1e-9)

@@ -59,8 +59,14 @@ def start(script, folder=None, package=ROOT.parent):
     """Start a process that stores its compiled code in a folder."""
     others = {key: value for key, value in os.environ.items() if key != "NUMBA_CACHE_DIR"}
     kept = {} if folder is None else {"NUMBA_CACHE_DIR": str(folder)}
-    return subprocess.Popen([sys.executable, "-c", script], text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-                            cwd=package, env={**others, **kept, "PYTHONPATH": str(package)})  # fmt: skip
+    return subprocess.Popen(
+        [sys.executable, "-c", script],
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        cwd=package,
+        env={**others, **kept, "PYTHONPATH": str(package)},
+    )
 
 
 def output_of(process):
@@ -72,8 +78,11 @@ def output_of(process):
 
 def files(folder):
     """Return the size and the modification time of every file in a folder."""
-    return {str(path.relative_to(folder)): (path.stat().st_size, path.stat().st_mtime_ns)
-            for path in folder.rglob("*") if path.is_file()}  # fmt: skip
+    return {
+        str(path.relative_to(folder)): (path.stat().st_size, path.stat().st_mtime_ns)
+        for path in folder.rglob("*")
+        if path.is_file()
+    }
 
 
 @pytest.fixture(scope="module")
@@ -226,8 +235,9 @@ print(*sorted(places))
 """
     others = {key: value for key, value in os.environ.items() if key != "NUMBA_CACHE_DIR"}
     home = {"HOME": str(tmp_path), "XDG_CACHE_HOME": str(tmp_path / "user"), "PYTHONPATH": str(ROOT.parent)}
-    done = subprocess.run([sys.executable, "-c", script], env=others | home, check=True,
-                          capture_output=True, text=True, timeout=900)  # fmt: skip
+    done = subprocess.run(
+        [sys.executable, "-c", script], env=others | home, check=True, capture_output=True, text=True, timeout=900
+    )
     assert done.stdout.splitlines()[-1].split() == [str(tmp_path / "mine" / "__pycache__")]
     assert {path.name for path in (tmp_path / "user").rglob("*") if path.is_file()} == {
         f"hbgear.continuation.stepping.kernels.{name}" for name in KERNELS
@@ -391,9 +401,14 @@ def test_ctrl_c_while_a_kernel_is_compiled(tmp_path, stop):
     """The command ends with one message and exit code 3 once the kernel is compiled; stored files are complete."""
     pytest.importorskip("numba")
     others = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
-    command = subprocess.Popen([sys.executable, "-m", "hbgear", "trace", "spur-pair"], cwd=ROOT.parent, text=True,
-                               stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-                               env={**others, "NUMBA_CACHE_DIR": str(tmp_path)})  # fmt: skip
+    command = subprocess.Popen(
+        [sys.executable, "-m", "hbgear", "trace", "spur-pair"],
+        cwd=ROOT.parent,
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        env={**others, "NUMBA_CACHE_DIR": str(tmp_path)},
+    )
     assert "compiles its core" in command.stderr.readline()
     time.sleep(1.0)  # the first kernel takes longer
     command.send_signal(stop)
@@ -413,8 +428,9 @@ def test_ctrl_c_while_numba_is_imported_is_not_taken_for_a_missing_numba(tmp_pat
     )
     for module in ("hbgear.common.process.compiling", "hbgear.mechanics.laws.c_callback"):
         program = f"import sys; sys.path.insert(0, {str(tmp_path)!r}); import {module} as m; m.kernel(lambda: 1)()"
-        ended = subprocess.run([sys.executable, "-c", program], cwd=ROOT.parent, capture_output=True, text=True,
-                               timeout=60)  # fmt: skip
+        ended = subprocess.run(
+            [sys.executable, "-c", program], cwd=ROOT.parent, capture_output=True, text=True, timeout=60
+        )
         assert ended.stderr.endswith("KeyboardInterrupt\n") and "times slower" not in ended.stderr
 
 

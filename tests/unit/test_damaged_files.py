@@ -23,11 +23,41 @@ from hbgear.io.branches.forms import _FORMS
 
 MB = 2**20
 JUNK = [
-    None, True, False, 0, 1, -1, 7, 2**40, 10**400, 0.5, float("nan"), float("inf"), -1e308, "", "x", "\ud800", "Omega",
-    "a" * 300, [], [[]], [1, "x"], {}, {"a": 1}, {"__tuple__": []}, {"__tuple__": 3}, {"__tuple__": [1, [2]]},
-    {"__array__": "X"}, {"__array__": "none"}, {"__array__": ["X"]}, {"__array__": "header"}, {"__class__": "Branch"},
-    {"__class__": "Point"}, {"__class__": ["Jump"]}, {"__class__": "os"},
-]  # fmt: skip
+    None,
+    True,
+    False,
+    0,
+    1,
+    -1,
+    7,
+    2**40,
+    10**400,
+    0.5,
+    float("nan"),
+    float("inf"),
+    -1e308,
+    "",
+    "x",
+    "\ud800",
+    "Omega",
+    "a" * 300,
+    [],
+    [[]],
+    [1, "x"],
+    {},
+    {"a": 1},
+    {"__tuple__": []},
+    {"__tuple__": 3},
+    {"__tuple__": [1, [2]]},
+    {"__array__": "X"},
+    {"__array__": "none"},
+    {"__array__": ["X"]},
+    {"__array__": "header"},
+    {"__class__": "Branch"},
+    {"__class__": "Point"},
+    {"__class__": ["Jump"]},
+    {"__class__": "os"},
+]
 
 
 @pytest.fixture(scope="module")
@@ -130,10 +160,20 @@ def edited_array(rng, whole):
     was = np.load(io.BytesIO(members[name]))
     if rng.random() < 0.5:
         others = [
-            was[:-1], was[None], was.astype(complex), was.astype("S8"), was.astype("U9"), was.real.astype(np.float16),
-            np.zeros(0), np.full_like(was, -1), np.array(3), was.T.copy(), np.zeros((3, 10**4), bool),
-            np.zeros(3, dtype=[("a", float)]), np.array(["a", None], dtype=object),
-        ]  # fmt: skip
+            was[:-1],
+            was[None],
+            was.astype(complex),
+            was.astype("S8"),
+            was.astype("U9"),
+            was.real.astype(np.float16),
+            np.zeros(0),
+            np.full_like(was, -1),
+            np.array(3),
+            was.T.copy(),
+            np.zeros((3, 10**4), bool),
+            np.zeros(3, dtype=[("a", float)]),
+            np.array(["a", None], dtype=object),
+        ]
         members[name] = packed(rng.choice(others))
         return zipped({"header.npy": packed(np.array(json.dumps(header))), **members})
     shapes = ["(10**12,)", "(1000000000000,)", f"({2**60},)", "(-8,)", f"({10**30},)", "(1L,)", "(True,)", "7"]
@@ -290,11 +330,16 @@ def test_every_field_that_is_written_is_read():
 
 @pytest.mark.parametrize(
     "key, value",
-    [("model", 3), ("model", {"class": "SpurPair", "fields": {"zeta": "x"}}), ("model", {"class": [], "fields": {}}),
-     ("model", {"class": "SpurPair", "fields": {"e": [[1]]}}), ("balance", []),
-     ("balance", {"harmonics": 4, "more": 1}),
-     ("balance", {"harmonics": 4, "nu": 1, "sampled": False, "auto": None, "samples": 10**12})],
-)  # fmt: skip
+    [
+        ("model", 3),
+        ("model", {"class": "SpurPair", "fields": {"zeta": "x"}}),
+        ("model", {"class": [], "fields": {}}),
+        ("model", {"class": "SpurPair", "fields": {"e": [[1]]}}),
+        ("balance", []),
+        ("balance", {"harmonics": 4, "more": 1}),
+        ("balance", {"harmonics": 4, "nu": 1, "sampled": False, "auto": None, "samples": 10**12}),
+    ],
+)
 def test_commands_refuse_a_model_that_is_none(whole, tmp_path, capsys, key, value):
     header, _ = parts(whole)
     header["branch"]["meta"][key] = value

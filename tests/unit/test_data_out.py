@@ -139,9 +139,18 @@ def test_files_of_models_of_hbgear_have_no_motions(pair, tmp_path):
         assert not [name for name in archive.files if name.startswith("motions")]
 
 
-@pytest.mark.parametrize("change", [None, 1, [], [1], [{"names": ["x"], "rows": {"__array__": "motions.0"}}],
-                                    [{"names": ["x", 2], "rows": {"__array__": "motions.0"}}],
-                                    [{"names": ["x", "y"], "rows": {"__array__": "values"}}]])  # fmt: skip
+@pytest.mark.parametrize(
+    "change",
+    [
+        None,
+        1,
+        [],
+        [1],
+        [{"names": ["x"], "rows": {"__array__": "motions.0"}}],
+        [{"names": ["x", 2], "rows": {"__array__": "motions.0"}}],
+        [{"names": ["x", "y"], "rows": {"__array__": "values"}}],
+    ],
+)
 def test_motions_that_do_not_fit_are_refused(change, tmp_path):
     hb.trace(hb.HarmonicBalance(own(), 3), "Omega", (0.5, 0.7)).save(tmp_path / "own.npz")
     with np.load(tmp_path / "own.npz") as archive:

@@ -95,9 +95,11 @@ _SOURCES = [
     path
     for place in ("*", "docs/**/*", "examples/**/*", "hbgear/**/*", "studies/**/*")
     for path in ROOT.glob(place)
-    if path.suffix in (".cff", ".md", ".py", ".rst", ".toml") and path.is_file()
-    and not _MADE.intersection(path.relative_to(ROOT).parts[1:2]) and "/." not in str(path.relative_to(ROOT))
-]  # fmt: skip
+    if path.suffix in (".cff", ".md", ".py", ".rst", ".toml")
+    and path.is_file()
+    and not _MADE.intersection(path.relative_to(ROOT).parts[1:2])
+    and "/." not in str(path.relative_to(ROOT))
+]
 
 
 def badly_cited(text: str) -> list[str]:
@@ -151,10 +153,16 @@ def test_version_is_in_the_changelog_and_the_citation():
 def test_example_runs(name):
     done = subprocess.run(
         [sys.executable, str(ROOT / "examples" / f"{name}.py"), "--quick"],
-        cwd=ROOT, capture_output=True, text=True, timeout=120,
-    )  # fmt: skip
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
     assert done.returncode == 0, done.stderr
-    expected = re.search(r"^Prints:\n\n((?:    .*\n)+)", ast.get_docstring(ast.parse(
-        (ROOT / "examples" / f"{name}.py").read_text(encoding="utf-8"))) + "\n", re.M)  # fmt: skip
+    expected = re.search(
+        r"^Prints:\n\n((?:    .*\n)+)",
+        ast.get_docstring(ast.parse((ROOT / "examples" / f"{name}.py").read_text(encoding="utf-8"))) + "\n",
+        re.M,
+    )
     assert expected, "the docstring of an example must end with its output"
     assert done.stdout.split() == expected[1].split()

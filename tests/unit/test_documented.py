@@ -24,9 +24,16 @@ PUBLIC = {f"hb.{name}": getattr(hb, name) for name in hb.__all__} | {
 }
 NAMES = sorted(name for name, thing in PUBLIC.items() if isinstance(thing, type) or inspect.isroutine(thing))
 FIGURES = {
-    "bands": bands, "curves": curves, "effects": effects, "fits": fits, "mesh": mesh, "rotors": rotors,
-    "simulation": simulation, "study": study, "trains": trains,
-}  # fmt: skip
+    "bands": bands,
+    "curves": curves,
+    "effects": effects,
+    "fits": fits,
+    "mesh": mesh,
+    "rotors": rotors,
+    "simulation": simulation,
+    "study": study,
+    "trains": trains,
+}
 DRAWN = sorted(
     f"{module.__name__.rpartition('.')[2]}.{name}"
     for module in FIGURES.values()
@@ -71,8 +78,11 @@ def test_example_of_a_figure(name):
 
 def test_public_names_that_are_no_functions_or_classes():
     assert PUBLIC.keys() - set(NAMES) == {
-        "hb.__version__", "hb.plot", "hb.continuation.ProgressCallback", *(f"hb.{space}" for space in SPACES)
-    }  # fmt: skip
+        "hb.__version__",
+        "hb.plot",
+        "hb.continuation.ProgressCallback",
+        *(f"hb.{space}" for space in SPACES),
+    }
 
 
 def test_a_first_script_needs_few_names():

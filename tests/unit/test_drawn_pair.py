@@ -33,8 +33,14 @@ def test_a_changed_design_has_the_motion_of_a_fresh_model(form):
     sizes = []
     for model in (changed, fresh):
         problem = hb.HarmonicBalance(model, 6)
-        X = hb.trace(problem, "Omega", (start := model.scales.from_pinion_speed(21000.0), 0.999 * start),
-                     stability=False, special=False, accuracy=None)  # fmt: skip
+        X = hb.trace(
+            problem,
+            "Omega",
+            (start := model.scales.from_pinion_speed(21000.0), 0.999 * start),
+            stability=False,
+            special=False,
+            accuracy=None,
+        )
         found = hb.analysis.machine_quantities(X)
         sizes.append([found[name][0] for name in ("pinion", "dte, half peak-to-peak", "force, largest")])
     np.testing.assert_allclose(*sizes, rtol=1e-8)

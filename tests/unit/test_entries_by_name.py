@@ -14,12 +14,28 @@ PAIR = hb.SpurPair(e=(0.1, 0.02))
 
 @pytest.mark.slow
 def test_set_changes_one_entry(run):
-    code, _, err = run("trace", "spur-pair", "--set", "e=(0.1, 0.02)", "--set", "e[1]=0.03", "--set", "zeta=0.06",
-                       "--harmonics", "2", "-o", "a.npz")  # fmt: skip
+    code, _, err = run(
+        "trace",
+        "spur-pair",
+        "--set",
+        "e=(0.1, 0.02)",
+        "--set",
+        "e[1]=0.03",
+        "--set",
+        "zeta=0.06",
+        "--harmonics",
+        "2",
+        "-o",
+        "a.npz",
+    )
     assert code == 0, err
     assert hb.load("a.npz").meta["model"]["fields"]["e"] == [0.1, 0.03]
-    wrong = {"e[2]=1": "no parameter 'e[2]'; did you mean 'e[", "zeta[0]=1": "has no parameter 'zeta[0]'",
-             "e[0]=x": "--set e[0]=x: need a finite number", "e[-1]=1": "no parameter 'e[-1]'"}  # fmt: skip
+    wrong = {
+        "e[2]=1": "no parameter 'e[2]'; did you mean 'e[",
+        "zeta[0]=1": "has no parameter 'zeta[0]'",
+        "e[0]=x": "--set e[0]=x: need a finite number",
+        "e[-1]=1": "no parameter 'e[-1]'",
+    }
     for word, said in wrong.items():
         code, _, err = run("trace", "spur-pair", "--set", "e=(0.1, 0.02)", "--set", word, "--harmonics", "2")
         assert code == 2 and said in err and len(err.splitlines()) == 1
@@ -41,9 +57,11 @@ def test_critical_value_of_an_entry_is_where_a_jump_vanishes(run):
 
 @pytest.mark.slow
 def test_maps_curves_and_fits_take_entries(run):
-    for line in ("map spur-pair --in e[0]=0.1:0.12 --harmonics 2 --seeds 2",
-                 "trace spur-pair --in e[0]=0.1:0.12 --at Omega=0.9 --harmonics 2",
-                 "redesign spur-pair --free e[0] --harmonics 2 --from 1.4 --to 0.8"):  # fmt: skip
+    for line in (
+        "map spur-pair --in e[0]=0.1:0.12 --harmonics 2 --seeds 2",
+        "trace spur-pair --in e[0]=0.1:0.12 --at Omega=0.9 --harmonics 2",
+        "redesign spur-pair --free e[0] --harmonics 2 --from 1.4 --to 0.8",
+    ):
         code, _, err = run(*line.split())
         assert code == 0, err
 

@@ -166,9 +166,15 @@ def chain(*vertices, **more):
 
 @pytest.mark.parametrize(
     ("goal", "value", "error"),
-    [(1.01e-1, 0.0, 1e-3), (0.99e-1, 1e-3, 1e-4), (1.01e-2, 1e-3, 1e-4), (0.99e-2, 1.1e-3, 1e-5),
-     (0.99e-3, 1.11e-3, 1e-6), (1e-9, 1.111e-3, 1e-6)],
-)  # fmt: skip
+    [
+        (1.01e-1, 0.0, 1e-3),
+        (0.99e-1, 1e-3, 1e-4),
+        (1.01e-2, 1e-3, 1e-4),
+        (0.99e-2, 1.1e-3, 1e-5),
+        (0.99e-3, 1.11e-3, 1e-6),
+        (1e-9, 1.111e-3, 1e-6),
+    ],
+)
 def test_a_point_is_located_with_more_unknowns_until_the_error_is_below_the_target(goal, value, error):
     """The target is relative to the unit 0.01 of a parameter near zero.
 

@@ -66,9 +66,10 @@ def server():
 def answer(server, path, body=None, token=None, **headers):
     """Return the status and the text of the response."""
     request = urllib.request.Request(
-        f"http://127.0.0.1:{server.port}{path}", None if body is None else json.dumps(body).encode(),
+        f"http://127.0.0.1:{server.port}{path}",
+        None if body is None else json.dumps(body).encode(),
         {"X-Hbgear-Token": server.token if token is None else token, "Content-Type": "application/json", **headers},
-    )  # fmt: skip
+    )
     try:
         with urllib.request.urlopen(request, timeout=30) as found:
             return found.status, found.read().decode()
@@ -164,8 +165,10 @@ def test_studies_and_curves_of_files_name_their_file(tmp_path, monkeypatch):
     pair = hb.io.read_model("pair.toml")
     hb.trace(hb.HarmonicBalance(pair, 3), "Omega", (2.5, 2.4)).save("pair.npz")
     for source, initial in (
-        ("study.toml", {"k": 3.0, "gap": 0.3}), ("stop.npz", {"k": 2.5, "gap": 0.1}), ("pair.npz", pair.parameters),
-    ):  # fmt: skip
+        ("study.toml", {"k": 3.0, "gap": 0.3}),
+        ("stop.npz", {"k": 2.5, "gap": 0.1}),
+        ("pair.npz", pair.parameters),
+    ):
         subject, span, H, _ = explored(source, None, None, ends=("0.7", None))
         assert subject.model({}).parameters == initial == {p.name: p.value for p in subject.parameters()}
         name = next(iter(initial))
@@ -267,11 +270,14 @@ def test_jump_map_of_two_parameters_holds_omega():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"values": [1]}, "numbers by name"), ({"values": {"zeta": "x"}}, "zeta must be a finite number"),
-        ({"values": {"zeta": True}}, "zeta must be"), ({"span": [1]}, "two numbers"), ({"harmonics": 0}, "from 1 to"),
+        ({"values": [1]}, "numbers by name"),
+        ({"values": {"zeta": "x"}}, "zeta must be a finite number"),
+        ({"values": {"zeta": True}}, "zeta must be"),
+        ({"span": [1]}, "two numbers"),
+        ({"harmonics": 0}, "from 1 to"),
         ({"harmonics": 10**6}, "from 1 to"),
     ],
-)  # fmt: skip
+)
 def test_questions_that_are_none_are_refused(change, message):
     with pytest.raises(ValueError, match=message):
         Request.of(question() | change)
@@ -311,8 +317,11 @@ def test_measured_points_of_any_encoding_are_drawn_in_the_units_of_the_figure(se
         up, down = json.loads(answered)["groups"]
         assert status == 200 and [up["name"], down["name"]] == ["run.csv, rising", "run.csv, falling"]
         np.testing.assert_allclose([*up["x"], *up["y"], *down["x"], *down["y"]], [0.5, 0.25, 1.0, 3.0], rtol=1e-6)
-    for content, said in (("n [r/min],q\n1,2", "'q' is unknown"), ("n,x\n1," + "1" * 10**6, "a cell has 1000000"),
-                          ("n [r/min],x\n1,1e400", "finite")):  # fmt: skip
+    for content, said in (
+        ("n [r/min],q\n1,2", "'q' is unknown"),
+        ("n,x\n1," + "1" * 10**6, "a cell has 1000000"),
+        ("n [r/min],x\n1,1e400", "finite"),
+    ):
         sent = {"content": base64.b64encode(content.encode()).decode()}
         status, answered = answer(server, "/measured", {**question(), **sent})
         assert status == 200 and said in json.loads(answered)["error"]
@@ -375,9 +384,10 @@ def test_the_page_runs_only_its_own_scripts(server):
 def test_deeply_nested_requests_are_refused(server, path, depth, capfd):
     text = f'{{"values": {{}}, "x": {"[" * depth}{"]" * depth}}}'
     request = urllib.request.Request(
-        f"http://127.0.0.1:{server.port}{path}", text.encode(),
+        f"http://127.0.0.1:{server.port}{path}",
+        text.encode(),
         {"X-Hbgear-Token": server.token, "Content-Type": "application/json"},
-    )  # fmt: skip
+    )
     with pytest.raises(urllib.error.HTTPError) as refused:
         urllib.request.urlopen(request, timeout=30)
     assert refused.value.code == 400 and "nested too deeply" in refused.value.read().decode()
@@ -463,9 +473,11 @@ def test_command_refuses_invalid_subjects(tmp_path, run):
     curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 3), "F", (0.1, 0.12), at={"Omega": 0.9})
     curve.save(tmp_path / "F.npz")
     for words, said in (
-        ("nope", "there is no model 'nope'"), ("F.npz", "a curve in F"),
-        ("no.npz", "there is no file"), ("no.toml", "cannot be read as a machine"),
-    ):  # fmt: skip
+        ("nope", "there is no model 'nope'"),
+        ("F.npz", "a curve in F"),
+        ("no.npz", "there is no file"),
+        ("no.toml", "cannot be read as a machine"),
+    ):
         code, _, err = run("explore", words, "--no-browser")
         assert code == 2 and said in err and err.count("\n") == 1
     with socket.socket() as other:
@@ -514,9 +526,13 @@ def test_ctrl_c_ends_it_and_leaves_nothing(tmp_path, what):
     before = sorted(tmp_path.iterdir())
     root = str(Path(hb.__file__).parents[1])
     process = subprocess.Popen(
-        [sys.executable, "-m", "hbgear", "explore", what, "--no-browser"], cwd=tmp_path, text=True,
-        stdout=subprocess.PIPE, stderr=subprocess.PIPE, env={**os.environ, "PYTHONPATH": root},
-    )  # fmt: skip
+        [sys.executable, "-m", "hbgear", "explore", what, "--no-browser"],
+        cwd=tmp_path,
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        env={**os.environ, "PYTHONPATH": root},
+    )
     try:
         assert process.stdout
         address = re.match(r"open (http://127\.0\.0\.1:(\d+)/\?token=\S+)\n", process.stdout.readline())

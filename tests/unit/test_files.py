@@ -204,9 +204,13 @@ def test_a_figure_that_fails_costs_nothing_else(folder, capsys, monkeypatch):
 def test_output_that_cannot_be_printed(folder):
     with open("/dev/full", "w") as full:
         out = subprocess.run(
-            [sys.executable, "-c", command([*CURVE, "-o", "a.npz"])], stdout=full, stderr=subprocess.PIPE, text=True,
-            env={**os.environ, "PYTHONPATH": str(Path(hb.__file__).parents[1])}, timeout=600,
-        )  # fmt: skip
+            [sys.executable, "-c", command([*CURVE, "-o", "a.npz"])],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            env={**os.environ, "PYTHONPATH": str(Path(hb.__file__).parents[1])},
+            timeout=600,
+        )
     assert out.returncode == 2 and "No space left on device" in out.stderr and "Exception" not in out.stderr
     assert len(hb.load("a.npz"))
 

@@ -84,9 +84,14 @@ def test_derivatives_of_predictions(largest):
     Omega, direction, amplitude, jumps = largest
     scales = TRUTH.scales
     data = hb.design.Measurements(
-        scales.pinion_speed(Omega), noisy(amplitude, 1) * 37.6, direction, measure="max", unit="pinion r/min",
-        length="um", jumps=[(scales.pinion_speed(jump.value) * 1.001, jump.direction) for jump in jumps],
-    )  # fmt: skip
+        scales.pinion_speed(Omega),
+        noisy(amplitude, 1) * 37.6,
+        direction,
+        measure="max",
+        unit="pinion r/min",
+        length="um",
+        jumps=[(scales.pinion_speed(jump.value) * 1.001, jump.direction) for jump in jumps],
+    )
     problem = hb.HarmonicBalance(TRUTH, 8)
     values = {"zeta": 0.051, "b": 1.0, "F_m": 0.1, "e[0]": 0.05, "reference[0]": 38000.0, "reference[1]": 37.6e-6}
     span = (1.7, 0.4)
@@ -212,9 +217,14 @@ def profile(residual, J, x, low=-np.inf, high=np.inf, unit=1.0):
     """Standard errors of an estimate x with residuals r(x) and their Jacobian there."""
     best = Residuals(residual(x), J)
     return profile_interval(
-        best, lambda at: Residuals(residual(at)), x, unit * np.linalg.inv(J.T @ J), unit, np.broadcast_to(low, len(x)),
+        best,
+        lambda at: Residuals(residual(at)),
+        x,
+        unit * np.linalg.inv(J.T @ J),
+        unit,
+        np.broadcast_to(low, len(x)),
         np.broadcast_to(high, len(x)),
-    )  # fmt: skip
+    )
 
 
 @pytest.mark.parametrize("unit", [1.0, 2.5])
@@ -338,8 +348,10 @@ def test_measurements_that_are_none():
 def test_file(tmp_path, largest):
     Omega, direction, amplitude, jumps = largest
     path = tmp_path / "sweep.csv"
-    rows = [f"{TRUTH.scales.pinion_speed(f)},{37.6 * a},{'up' if d > 0 else 'down'}" for f, a, d in
-            zip(Omega, noisy(amplitude, 3), direction, strict=True)]  # fmt: skip
+    rows = [
+        f"{TRUTH.scales.pinion_speed(f)},{37.6 * a},{'up' if d > 0 else 'down'}"
+        for f, a, d in zip(Omega, noisy(amplitude, 3), direction, strict=True)
+    ]
     rows += [f"{TRUTH.scales.pinion_speed(jump.value)},,{jump.direction}" for jump in jumps]
     path.write_text("# a test\nrpm,x [um],sweep\n" + "\n".join(rows))
     columns = {"frequency": "rpm", "amplitude": "x [um]", "direction": "sweep"}

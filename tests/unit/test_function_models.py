@@ -282,8 +282,9 @@ def test_names_that_are_no_models_get_one_sentence(run, tmp_path, name, words):
 
 def test_models_of_installed_packages(run, monkeypatch):
     points = [
-        EntryPoint("own-machine", f"{__name__}:two", naming.GROUP), EntryPoint("lost", "nowhere:two", naming.GROUP)
-    ]  # fmt: skip
+        EntryPoint("own-machine", f"{__name__}:two", naming.GROUP),
+        EntryPoint("lost", "nowhere:two", naming.GROUP),
+    ]
     monkeypatch.setattr("importlib.metadata.entry_points", lambda group: points if group == naming.GROUP else [])
     monkeypatch.setitem(sys.modules, __name__, sys.modules[two.__module__])
     code, out, err = run("models")

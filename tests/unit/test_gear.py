@@ -153,9 +153,18 @@ def test_mass_and_inertia_of_the_cylinder():
     assert p.equivalent_mass == pytest.approx(J[0] * J[1] / (J[1] * r[0] ** 2 + J[0] * r[1] ** 2), rel=1e-12)
 
 
-@pytest.mark.parametrize("fields", [{}, {"profile_shift": 0.4}, {"helix_angle": "20 deg"}, {"fillet_radius": 0.2},
-                                    {"profile_shift": -0.2, "dedendum": 1.3}, {"teeth": 8},
-                                    {"teeth": 10, "helix_angle": "12 deg", "fillet_radius": 0.1}])  # fmt: skip
+@pytest.mark.parametrize(
+    "fields",
+    [
+        {},
+        {"profile_shift": 0.4},
+        {"helix_angle": "20 deg"},
+        {"fillet_radius": 0.2},
+        {"profile_shift": -0.2, "dedendum": 1.3},
+        {"teeth": 8},
+        {"teeth": 10, "helix_angle": "12 deg", "fillet_radius": 0.1},
+    ],
+)
 @pytest.mark.filterwarnings("ignore:.*undercut")
 def test_outline_is_the_envelope_of_the_rack(fields):
     """Half the space at a radius is as far as any position of the rolling rack cuts it, of undercut teeth too."""
@@ -270,10 +279,20 @@ def overlap_with_the_ring(pinion, ring, a):
 
 
 @pytest.mark.filterwarnings("ignore:.*undercut")
-@pytest.mark.parametrize(("z_1", "z_2", "deep"), [
-    (12, 30, 0), (17, 25, 0), (17, 40, 0), (25, 32, 0), (40, 90, 0), (17, 23, 7.4e-5), (29, 36, 4.1e-6), (20, 23, 1e-3),
-    (20, 21, 2e-3),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("z_1", "z_2", "deep"),
+    [
+        (12, 30, 0),
+        (17, 25, 0),
+        (17, 40, 0),
+        (25, 32, 0),
+        (40, 90, 0),
+        (17, 23, 7.4e-5),
+        (29, 36, 4.1e-6),
+        (20, 23, 1e-3),
+        (20, 21, 2e-3),
+    ],
+)
 def test_default_rings_mesh_or_are_refused_for_a_true_reason(z_1, z_2, deep):
     """Outlines of all teeth, turned through a pitch, overlap if the pair is refused, and not with the advised tips."""
     pinion, ring = gear(z_1), gear(z_2, internal=True)
@@ -294,9 +313,10 @@ def test_default_rings_mesh_or_are_refused_for_a_true_reason(z_1, z_2, deep):
         assert overlap_with_the_ring(p.pinion, p.wheel, a) < 1e-7 and p.contact_ratio >= 1
 
 
-@pytest.mark.parametrize(("which", "other"), [
-    (0, {"addendum": 1.2}), (1, {"addendum": 1.2}), (0, {"internal": True, "addendum": 0.9, "tip_alteration": 0.0}),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("which", "other"),
+    [(0, {"addendum": 1.2}), (1, {"addendum": 1.2}), (0, {"internal": True, "addendum": 0.9, "tip_alteration": 0.0})],
+)
 def test_tips_that_touch_below_the_involute(which, other):
     """The straight flank ends at a depth h; there the line of action is at (r - h, h cot(alpha)) from the axis."""
     short, long = gear(20), gear(60, **other)
@@ -316,10 +336,15 @@ def test_tips_that_touch_below_the_involute(which, other):
 
 
 @pytest.mark.filterwarnings("ignore:.*undercut")
-@pytest.mark.parametrize(("teeth", "shift", "fields", "sign"), [
-    ((8, 40), 0.0, {"addendum": 1.1}, -1), ((10, 25), 0.0, {"addendum": 1.2}, 1),
-    ((12, 60), 0.0, {"internal": True}, 1), ((12, 40), 0.1, {"internal": True, "addendum": 0.9}, 1),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("teeth", "shift", "fields", "sign"),
+    [
+        ((8, 40), 0.0, {"addendum": 1.1}, -1),
+        ((10, 25), 0.0, {"addendum": 1.2}, 1),
+        ((12, 60), 0.0, {"internal": True}, 1),
+        ((12, 40), 0.1, {"internal": True, "addendum": 0.9}, 1),
+    ],
+)
 def test_depth_of_tips_in_undercut_roots(teeth, shift, fields, sign):
     """Both gears are turned from the position in which a tooth of the pinion is in the middle of a space."""
     pinion = gear(teeth[0], profile_shift=shift)
@@ -357,13 +382,20 @@ def test_all_default_rings():
         (lambda: gear(10, tip_diameter="28.3 mm"), "undercut, which leaves no involute .* of at least 0.415"),
         (lambda: gear(30, tip_diameter="96 mm", tip_alteration=-0.1), "keep one"),
         (lambda: pair(8, 40), "contact ratio is 0.913; .* less undercut of the pinion"),
-        (lambda: hb.GearPair(gear(25, tip_alteration=0.4), gear(40)),
-         r"tip_alteration = 0.4 reach 0.450 mm into the roots .* tip_diameter below 82.5 mm"),
+        (
+            lambda: hb.GearPair(gear(25, tip_alteration=0.4), gear(40)),
+            r"tip_alteration = 0.4 reach 0.450 mm into the roots .* tip_diameter below 82.5 mm",
+        ),
         (lambda: gear(40, rim_thickness="9 mm"), "rim_thickness and web_thickness must both be given"),
-        (lambda: hb.GearPair(gear(16), gear(24, internal=True, profile_shift=0.5)),
-         "teeth of a ring thicker; .* give the opposite sign, profile_shift = -0.5"),
-        (lambda: gear(24, internal=True, tip_diameter="66 mm"),
-         r"tip diameter of 66 mm .* base diameter of 67.6579 mm: .* many catalogues count the shift of rings outwards"),
+        (
+            lambda: hb.GearPair(gear(16), gear(24, internal=True, profile_shift=0.5)),
+            "teeth of a ring thicker; .* give the opposite sign, profile_shift = -0.5",
+        ),
+        (
+            lambda: gear(24, internal=True, tip_diameter="66 mm"),
+            r"tip diameter of 66 mm .* base diameter of 67.6579 mm: "
+            r".* many catalogues count the shift of rings outwards",
+        ),
         (lambda: gear(25, profile_shift=1.9), r"pointed below the tip .* of 92.4 mm \(thickness there -1.068 mm\)"),
         (lambda: gear(5, dedendum=2.0, profile_shift=-0.6), "root diameter would be -0.6 mm"),
         (lambda: gear(25.5), "whole number"),
@@ -378,10 +410,14 @@ def test_all_default_rings():
         (lambda: pair(backlash=-1e-5), "not be negative"),
         (lambda: pair(backlash="80 um", backlash_measure="axial"), "circumferential, normal, action"),
         (lambda: hb.GearPair(gear(25, helix_angle="10 deg"), gear(40, helix_angle="10 deg")), "of opposite hands"),
-        (lambda: hb.GearPair(gear(25, helix_angle="10 deg"), gear(40)),
-         "a right pinion of 10 deg and a spur wheel of 0 deg .* give the wheel helix_angle = '-10 deg'"),
-        (lambda: hb.GearPair(gear(20, helix_angle="9 deg"), gear(70, helix_angle="-9 deg", internal=True)),
-         "of the same hand"),
+        (
+            lambda: hb.GearPair(gear(25, helix_angle="10 deg"), gear(40)),
+            "a right pinion of 10 deg and a spur wheel of 0 deg .* give the wheel helix_angle = '-10 deg'",
+        ),
+        (
+            lambda: hb.GearPair(gear(20, helix_angle="9 deg"), gear(70, helix_angle="-9 deg", internal=True)),
+            "of the same hand",
+        ),
         (lambda: hb.GearPair(gear(25), gear(40, module="2 mm")), "modules of 3 mm and 2 mm .* same normal module"),
         (lambda: hb.GearPair(gear(25), gear(40, helix_angle="10 deg")), "give the wheel helix_angle = '0 deg'"),
         (lambda: hb.GearPair(gear(25), gear(40, pressure_angle="25 deg")), "give both the same"),
@@ -394,12 +430,18 @@ def test_all_default_rings():
         (lambda: hb.GearPair(gear(18), gear(200, addendum=1.2)), "interference: .* touch the pinion"),
         (lambda: hb.GearPair(gear(20), gear(23, internal=True)), "strike the tips of the ring .* no tip diameter"),
         (lambda: hb.GearPair(gear(20), gear(21, internal=True)), "strike the tips of the ring"),
-        (lambda: hb.GearPair(gear(20), gear(26, internal=True)),
-         r"ring a tip_diameter of at least 74.\d+ mm or the pinion a tip_diameter of at most 64.\d+ mm"),
-        (lambda: hb.GearPair(gear(20), gear(60, internal=True, tip_alteration=0.0)),
-         r"touch the pinion .* a tip_diameter of at least 174.\d+ mm"),
-        (lambda: hb.GearPair(gear(20, tip_alteration=0.4), gear(60, internal=True)),
-         "reach 0.450 mm into the roots of the ring of 60; give the pinion a tip_diameter of at most 67.5 mm"),
+        (
+            lambda: hb.GearPair(gear(20), gear(26, internal=True)),
+            r"ring a tip_diameter of at least 74.\d+ mm or the pinion a tip_diameter of at most 64.\d+ mm",
+        ),
+        (
+            lambda: hb.GearPair(gear(20), gear(60, internal=True, tip_alteration=0.0)),
+            r"touch the pinion .* a tip_diameter of at least 174.\d+ mm",
+        ),
+        (
+            lambda: hb.GearPair(gear(20, tip_alteration=0.4), gear(60, internal=True)),
+            "reach 0.450 mm into the roots of the ring of 60; give the pinion a tip_diameter of at most 67.5 mm",
+        ),
         (lambda: hb.GearPair(gear(25), gear(24, internal=True, addendum=0.6)), "no space"),
         (lambda: pair(17, 17).mesh(0.0), "torque = 0 N m must be positive"),
         (lambda: pair(17, 17).mesh("1e6 N m"), r"torque = 1e\+06 N m on the pinion would deflect .* module of 3 mm"),
@@ -407,7 +449,7 @@ def test_all_default_rings():
         (lambda: pair().mesh("200 N"), "quantity in N m"),
         (lambda: pair().mesh(200.0, linearized="chord"), "'secant' or 'tangent'"),
     ],
-)  # fmt: skip
+)
 def test_impossible_gears_are_refused(make, said):
     with pytest.raises((ValueError, TypeError), match=said):
         make()
@@ -424,8 +466,10 @@ def overlap(pair: hb.GearPair, phase: float, points: int = 60) -> float:
     """Largest overlap [module] of a pinion that is moved radially into its ring, which it enters at one phase."""
     p, w = pair.pinion, pair.wheel
     outlines = []
-    for g, low, high in ((p, max(p.base_diameter, p.root_diameter), p.tip_diameter_used),
-                         (w, w.tip_diameter_used, w.root_diameter)):  # fmt: skip
+    for g, low, high in (
+        (p, max(p.base_diameter, p.root_diameter), p.tip_diameter_used),
+        (w, w.tip_diameter_used, w.root_diameter),
+    ):
         d = np.linspace(low, high, points)
         half = np.array([g.tooth_thickness(one) / one for one in d])
         radii, angles = np.append(d, d[::-1]) / 2, np.append(-half, half[::-1])

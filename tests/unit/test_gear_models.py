@@ -14,8 +14,10 @@ from hbgear.mechanics.models import describe
 
 TORQUE = 200.0
 TAU = np.linspace(0, 6.2, 50)
-HELD = (hb.gears.Support("3e8 N/m", axial="1e8 N/m", tilt="5e5 N m/rad", damping=0.03),
-        hb.gears.Support("4e8 N/m", axial="2e8 N/m", tilt="9e5 N m/rad"))  # fmt: skip
+HELD = (
+    hb.gears.Support("3e8 N/m", axial="1e8 N/m", tilt="5e5 N m/rad", damping=0.03),
+    hb.gears.Support("4e8 N/m", axial="2e8 N/m", tilt="9e5 N m/rad"),
+)
 
 
 def drawing(beta=0.0, **fields):
@@ -136,11 +138,15 @@ def test_a_fluctuation_acts_in_its_direction():
 
 @pytest.mark.parametrize(
     ("fields", "said"),
-    [({"eps": (0.1,), "contacts": two_meshes(), "mesh_order": 2}, "contacts and a mesh stiffness are both given"),
-     ({"stiffness": hb.mechanics.Series(1.0), "contacts": two_meshes(), "mesh_order": 2}, "both given"),
-     ({"eps": (0.1,), "eps_lag": (0.1, 0.2)}, "one lag for each"), ({"reference": (1.0, 2.0)}, "omega_n"),
-     ({"reference": (1.0, -2.0, 3.0, 4.0)}, "all positive"), ({"e_lag": ("a",)}, "e_lag")],
-)  # fmt: skip
+    [
+        ({"eps": (0.1,), "contacts": two_meshes(), "mesh_order": 2}, "contacts and a mesh stiffness are both given"),
+        ({"stiffness": hb.mechanics.Series(1.0), "contacts": two_meshes(), "mesh_order": 2}, "both given"),
+        ({"eps": (0.1,), "eps_lag": (0.1, 0.2)}, "one lag for each"),
+        ({"reference": (1.0, 2.0)}, "omega_n"),
+        ({"reference": (1.0, -2.0, 3.0, 4.0)}, "all positive"),
+        ({"e_lag": ("a",)}, "e_lag"),
+    ],
+)
 @pytest.mark.parametrize("cls", [hb.SpurPair, hb.gears.GearRotorBearing])
 def test_lags_and_units_that_do_not_fit(cls, fields, said):
     with pytest.raises(ValueError, match=said):
@@ -211,8 +217,10 @@ def test_table_of_a_cycle_goes_through_a_file(tmp_path):
 
 def test_units_and_phases_of_a_table(tmp_path):
     path = tmp_path / "k.csv"
-    path.write_text("# of another program\nphase [deg], stiffness [N/um]\n" + "".join(
-        f"{a}, {400 + 50 * cos(radians(a))}\n" for a in range(0, 360, 2)))  # fmt: skip
+    path.write_text(
+        "# of another program\nphase [deg], stiffness [N/um]\n"
+        + "".join(f"{a}, {400 + 50 * cos(radians(a))}\n" for a in range(0, 360, 2))
+    )
     table = hb.io.read_mesh_table(path)
     assert table.mean == pytest.approx(4e8, rel=1e-12)
     assert table.function().row(1)[1] == pytest.approx(5e7, rel=1e-3)
@@ -304,8 +312,16 @@ def test_an_error_that_jumps_is_smoothed():
     np.testing.assert_allclose(model.error.row(24) * pair.half_backlash, function.row(24), atol=1e-8)
 
 
-@pytest.mark.parametrize(("phase", "value"), [([0, 0.5], [1, 1]), ([0.1, 1], [1, 1]), ([0, 0.6, 0.5, 1], [1] * 4),
-                                              ([0, 0.5, 0.5, 0.5, 1], [1] * 5), ([0, 1], [1, np.inf])])  # fmt: skip
+@pytest.mark.parametrize(
+    ("phase", "value"),
+    [
+        ([0, 0.5], [1, 1]),
+        ([0.1, 1], [1, 1]),
+        ([0, 0.6, 0.5, 1], [1] * 4),
+        ([0, 0.5, 0.5, 0.5, 1], [1] * 5),
+        ([0, 1], [1, np.inf]),
+    ],
+)
 def test_tables_that_are_no_cycle(phase, value):
     with pytest.raises(ValueError, match="Table"):
         hb.gears.MeshTable(phase, value)

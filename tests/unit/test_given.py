@@ -97,7 +97,15 @@ def test_names_that_are_no_text():
 
 def test_articles():
     assert [article(x) for x in ("LP", "PD", "NS", "BP", "GR", "CP", "Element", "Branch")] == [
-        "an LP", "a PD", "an NS", "a BP", "a GR", "a CP", "an Element", "a Branch"]  # fmt: skip
+        "an LP",
+        "a PD",
+        "an NS",
+        "a BP",
+        "a GR",
+        "a CP",
+        "an Element",
+        "a Branch",
+    ]
 
 
 @pytest.mark.parametrize(

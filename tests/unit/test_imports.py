@@ -108,9 +108,10 @@ def test_names_of_a_package_are_imported_when_they_are_used(package):
     assert run(code) == "True []"
 
 
-PACKAGES = ["hbgear", *(
-    ".".join(("hbgear", *path.parent.relative_to(ROOT).parts)) for path in sorted(ROOT.glob("*/**/__init__.py"))
-)]  # fmt: skip
+PACKAGES = [
+    "hbgear",
+    *(".".join(("hbgear", *path.parent.relative_to(ROOT).parts)) for path in sorted(ROOT.glob("*/**/__init__.py"))),
+]
 
 
 def submodules(package: str) -> set[str]:

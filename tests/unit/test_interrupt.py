@@ -173,8 +173,14 @@ def test_ctrl_c_while_the_compiled_loop_runs():
     part = hb.trace(problem, "Omega", (0.9, 0.8), steps=few)
     assert problem.heard and problem.calls == 3
     assert part.status is Status.INTERRUPTED and "interrupted at Omega" in part.message
-    whole = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 60), "Omega", (0.9, 0.8), special=False, stability=False,
-                     steps=hb.StepControl(first_step=1e-4, max_step=1e-4, max_points=len(part)))  # fmt: skip
+    whole = hb.trace(
+        hb.HarmonicBalance(hb.SpurPair(), 60),
+        "Omega",
+        (0.9, 0.8),
+        special=False,
+        stability=False,
+        steps=hb.StepControl(first_step=1e-4, max_step=1e-4, max_points=len(part)),
+    )
     assert len(part) > 64 and np.array_equal(part.values, whole.values) and np.array_equal(part.X, whole.X)
     assert np.isfinite(part.multipliers).all()
 
@@ -608,8 +614,14 @@ def test_ctrl_c_while_the_command_is_imported_gives_one_sentence(tmp_path, form,
     script.write_text("import sys; from hbgear.__main__ import main; sys.exit(main())")
     command = ["-m", "hbgear"] if form.startswith("python") else [str(script)]
     where = os.pathsep.join([str(tmp_path), str(Path(ROOT).parent), *filter(None, [os.environ.get("PYTHONPATH")])])
-    ended = subprocess.run([sys.executable, *command, "trace", "spur-pair"], cwd=tmp_path, capture_output=True,
-                           text=True, timeout=120, env={**os.environ, "PYTHONPATH": where})  # fmt: skip
+    ended = subprocess.run(
+        [sys.executable, *command, "trace", "spur-pair"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        env={**os.environ, "PYTHONPATH": where},
+    )
     assert (ended.returncode, ended.stdout, ended.stderr) == (130, "", "hbgear: error: stopped before it was done\n")
 
 
@@ -624,8 +636,14 @@ def test_ctrl_c_gives_one_sentence_from_the_first_import_on(tmp_path, moment):
     script = tmp_path / "hbgear"
     script.write_text("from hbgear.__main__ import main; main()")
     where = os.pathsep.join([str(tmp_path), str(Path(ROOT).parent)])
-    ended = subprocess.run([sys.executable, str(script), "models"], capture_output=True, text=True, timeout=120,
-                           cwd=tmp_path, env={**os.environ, "PYTHONPATH": where})  # fmt: skip
+    ended = subprocess.run(
+        [sys.executable, str(script), "models"],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": where},
+    )
     assert (ended.returncode, ended.stdout, ended.stderr) == (130, "", "hbgear: error: stopped before it was done\n")
 
 
@@ -633,8 +651,13 @@ def test_a_library_hears_ctrl_c_as_python_does(tmp_path):
     (tmp_path / "numpy.py").write_text("raise KeyboardInterrupt")
     where = os.pathsep.join([str(tmp_path), str(Path(ROOT).parent)])
     program = "import hbgear\ntry: hbgear.trace\nexcept KeyboardInterrupt: print('mine')\nhbgear.trace"
-    ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=120,
-                           env={**os.environ, "PYTHONPATH": where})  # fmt: skip
+    ended = subprocess.run(
+        [sys.executable, "-c", program],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        env={**os.environ, "PYTHONPATH": where},
+    )
     assert ended.stdout == "mine\n" and ended.stderr.startswith("Traceback") and "stopped" not in ended.stderr
 
 
@@ -653,8 +676,13 @@ def test_commands_stop_at_any_moment(tmp_path, name, stop):
     for delay in np.random.default_rng(len(name)).uniform(0.1, 1.5, 3):
         folder = tmp_path / f"{delay:.6f}"
         folder.mkdir()
-        command = subprocess.Popen([sys.executable, "-c", SCRIPT, *COMMANDS[name]], cwd=folder, text=True,
-                                   stdout=subprocess.PIPE, stderr=subprocess.PIPE)  # fmt: skip
+        command = subprocess.Popen(
+            [sys.executable, "-c", SCRIPT, *COMMANDS[name]],
+            cwd=folder,
+            text=True,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+        )
         assert command.stdout.readline() == "ready\n"
         time.sleep(delay)
         command.send_signal(stop)

@@ -13,9 +13,14 @@ BANNED = re.compile(
     r"\b(?:told|tells?|telling|beside|anew|hardly|whatever|nor|so many|is (?-i:none)|such a number)\b", re.IGNORECASE
 )
 PAGES = [*paths(), *(ROOT / "docs" / "scripts").rglob("*.rst"), ROOT / "CONTRIBUTING.md", ROOT / "CHANGELOG.md"]
-FOLDERS = ["docs/scripts", "docs/_site", "examples", "studies", "tests", *sorted(
-    f"hbgear/{path.parent.name}" for path in (ROOT / "hbgear").glob("*/__init__.py")
-)]  # fmt: skip
+FOLDERS = [
+    "docs/scripts",
+    "docs/_site",
+    "examples",
+    "studies",
+    "tests",
+    *sorted(f"hbgear/{path.parent.name}" for path in (ROOT / "hbgear").glob("*/__init__.py")),
+]
 
 
 def prose_of(path: Path) -> str:

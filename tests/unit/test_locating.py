@@ -318,11 +318,21 @@ def slope_near_zero(c, m, sign=1.0):
 @pytest.mark.parametrize(
     ("c", "m", "near"),
     [
-        (0.3, 0.029, True), (0.3, 0.031, False), (0.7, 0.029, True), (0.7, 0.031, False), (0.3, -0.01, True),
-        (0.5, 0.08, True), (0.5, 0.09, False), (1.2, 0.001, False), (-0.2, 0.001, False), (0.8, -0.3, False),
-        (0.2, -0.3, False), (0.97, 1e-5, True), (1.03, 1e-5, False),
+        (0.3, 0.029, True),
+        (0.3, 0.031, False),
+        (0.7, 0.029, True),
+        (0.7, 0.031, False),
+        (0.3, -0.01, True),
+        (0.5, 0.08, True),
+        (0.5, 0.09, False),
+        (1.2, 0.001, False),
+        (-0.2, 0.001, False),
+        (0.8, -0.3, False),
+        (0.2, -0.3, False),
+        (0.97, 1e-5, True),
+        (1.03, 1e-5, False),
     ],
-)  # fmt: skip
+)
 def test_where_the_slope_of_the_parameter_comes_close_to_zero(sign, scale, c, m, near):
     """The smallest slope m at c is less than a quarter of the smaller one of the ends, of equal signs."""
     problem = slope_near_zero(c, m, sign)

@@ -59,11 +59,14 @@ def test_a_file_is_the_pair(file):
 
 @pytest.mark.parametrize("form", ["torsion", "bearings", "spatial"])
 def test_written_files_are_read(tmp_path, form):
-    gears = [hb.gears.Gear(z, "3.175 mm", 0.0203, helix_angle=h, profile_shift=x, crowning=3e-6, tip_relief="12 um")
-             for z, h, x in ((23, 0.25, 0.21), (41, -0.25, 0.0))]  # fmt: skip
+    gears = [
+        hb.gears.Gear(z, "3.175 mm", 0.0203, helix_angle=h, profile_shift=x, crowning=3e-6, tip_relief="12 um")
+        for z, h, x in ((23, 0.25, 0.21), (41, -0.25, 0.0))
+    ]
     held = (hb.gears.Support(3.3e8, tilt=1e6), hb.gears.Support("2e8 N/m", axial=1e8, tilt="2 MN*m/rad", damping=0.05))
-    machine = Machine(hb.GearPair(*gears, "61 um", "normal", pitch_error=2e-6), 1 / 3, 0.03, form,
-                      None if form == "torsion" else held)  # fmt: skip
+    machine = Machine(
+        hb.GearPair(*gears, "61 um", "normal", pitch_error=2e-6), 1 / 3, 0.03, form, None if form == "torsion" else held
+    )
     path = tmp_path / "m.toml"
     write_machine(machine, path, ("first", "second"))
     assert read_machine(path) == machine
@@ -220,9 +223,20 @@ def test_gear_reports_the_requested_quantities(run, tmp_path):
     assert (code, err) == (0, "")
     assert read_machine(tmp_path / "box.toml") == Machine(pair(), 200.0, 0.04)
     assert (tmp_path / "gear-25-40.png").stat().st_size > 20_000
-    for text in ("1.66259", "97.5000 mm", "80.0 circumferential, 75.2 normal", "37.6", "c' 13.02, c_gamma 19.49",
-                 "6062", "damping 0.04 (given): 0.02", "no pitch error: 8.4 um (grade 6)", "no tip relief: 10 um",
-                 "inertia 20 % less", "one stiffness, tangent", "dynamic factor before"):  # fmt: skip
+    for text in (
+        "1.66259",
+        "97.5000 mm",
+        "80.0 circumferential, 75.2 normal",
+        "37.6",
+        "c' 13.02, c_gamma 19.49",
+        "6062",
+        "damping 0.04 (given): 0.02",
+        "no pitch error: 8.4 um (grade 6)",
+        "no tip relief: 10 um",
+        "inertia 20 % less",
+        "one stiffness, tangent",
+        "dynamic factor before",
+    ):
         assert text in out, text
     model = pair().model(200.0, 0.04)
     curve = hb.trace(hb.HarmonicBalance(model, 24), "Omega", model.default_span)
@@ -348,9 +362,25 @@ def test_speed_needs_a_machine(run):
 
 @pytest.mark.slow
 def test_a_helical_ring_on_the_command_line(run, tmp_path):
-    code, out, err = run("gear", "--z", "21,-72", "--module", "2 mm", "--width", "25 mm", "--torque", "80 N m",
-                         "--backlash", "60 um", "--helix", "12 deg", "--shift", "0.4,-0.4", "-o",
-                         "ring.toml")  # fmt: skip
+    code, out, err = run(
+        "gear",
+        "--z",
+        "21,-72",
+        "--module",
+        "2 mm",
+        "--width",
+        "25 mm",
+        "--torque",
+        "80 N m",
+        "--backlash",
+        "60 um",
+        "--helix",
+        "12 deg",
+        "--shift",
+        "0.4,-0.4",
+        "-o",
+        "ring.toml",
+    )
     assert code in (0, 2)
     if code == 0:
         wheel = read_machine(tmp_path / "ring.toml").pair.wheel

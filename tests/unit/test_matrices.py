@@ -39,8 +39,9 @@ def plain(A):
 
 
 def test_files_have_the_matrices(folder):
-    by_file = hb.io.from_matrices({"M": folder / "mass.mtx", "K": str(folder / "stiff.mtx"), "C": folder / "damp.mtx",
-                                "G": folder / "gyro.mtx"})  # fmt: skip
+    by_file = hb.io.from_matrices(
+        {"M": folder / "mass.mtx", "K": str(folder / "stiff.mtx"), "C": folder / "damp.mtx", "G": folder / "gyro.mtx"}
+    )
     from_matlab = hb.io.from_matrices(folder / "model.mat")
     for found in (by_file, from_matlab):
         for name, A in (("M", M), ("K", K), ("C", C), ("G", G)):
@@ -76,8 +77,14 @@ def test_a_curve_of_matrices_is_that_of_the_system(folder):
     stop = hb.Element(found.along({"a": 1.0, "c": -1.0}), hb.Unilateral(k=3.0, gap=0.05))
     load = hb.Load(cosine={1: found.along({1: 0.1})})
     system = found.system([stop], load, ratio=0.5)
-    by_hand = hb.System(M, C, K, [hb.Element([1, 0, -1], stop.law)], hb.Load(cosine={1: [0, 0.1, 0]}),
-                        speed=hb.mechanics.SpeedTerms(G, 0.5))  # fmt: skip
+    by_hand = hb.System(
+        M,
+        C,
+        K,
+        [hb.Element([1, 0, -1], stop.law)],
+        hb.Load(cosine={1: [0, 0.1, 0]}),
+        speed=hb.mechanics.SpeedTerms(G, 0.5),
+    )
     X = [hb.HarmonicBalance(model, 6).start(Omega=0.8) for model in (system, by_hand)]
     np.testing.assert_allclose(*X, atol=1e-12)
     assert system.dof_names == ("a", "b", "c")
@@ -340,8 +347,13 @@ def test_an_archive_that_unpacks_to_far_more_is_refused_before_it_is_read(tmp_pa
         "print(peak() - before)"
     )
     root = str(Path(hb.__file__).parents[1])
-    ended = subprocess.run([sys.executable, "-c", code, str(path)], env={**os.environ, "PYTHONPATH": root}, text=True,
-                           stdout=subprocess.PIPE, check=True)  # fmt: skip
+    ended = subprocess.run(
+        [sys.executable, "-c", code, str(path)],
+        env={**os.environ, "PYTHONPATH": root},
+        text=True,
+        stdout=subprocess.PIPE,
+        check=True,
+    )
     said, grown = ended.stdout.splitlines()
     assert "cannot be read as matrices: it " in said and " bytes in a file of " in said
     assert float(grown) < 100  # MB

@@ -58,8 +58,13 @@ def test_one_that_moves_far_leaves_because_another_surely_returned():
 def test_a_pair_about_to_leave_is_seen_behind_a_steady_one():
     """sigma goes from -.02 to -.01: extrapolation reaches 0 after the same length; the next point has another pair."""
     steady = -0.001 + 1j
-    mu = np.array([pairs(-0.02 + 3j, 0.05 + 2.9j, steady), pairs(-0.01 + 3.02j, 0.04 + 2.95j, steady),
-                   pairs(-0.07 + 2.8j, 0.03 + 2.95j, steady)])  # fmt: skip
+    mu = np.array(
+        [
+            pairs(-0.02 + 3j, 0.05 + 2.9j, steady),
+            pairs(-0.01 + 3.02j, 0.04 + 2.95j, steady),
+            pairs(-0.07 + 2.8j, 0.03 + 2.95j, steady),
+        ]
+    )
     assert extrapolated_crossings(mu, np.array([1.0, 1.0])) == []  # too far along the segment
     ((piece, s),) = extrapolated_crossings(mu, np.array([1.0, 10.0]))
     assert piece == 1 and s == pytest.approx(0.1)
@@ -231,9 +236,10 @@ def test_changes_of_sign_near_a_known_point(changes, unseen):
     assert found == {segment: [(k, pair_) for k in sections] for segment, sections in unseen.items()}
 
 
-@pytest.mark.parametrize(("two_sided", "kind", "searched"), [
-    (True, "PD", True), (True, "LP", True), (True, "peak", False), (False, "PD", False),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("two_sided", "kind", "searched"),
+    [(True, "PD", True), (True, "LP", True), (True, "peak", False), (False, "PD", False)],
+)
 def test_a_known_change_of_number_belongs_to_a_point_of_another_kind(two_sided, kind, searched):
     """A pair leaves next to a period doubling, and both change the number of multipliers outside. Only for events that
     need both sides, the known sign change is attributed to the doubling, and the path is searched for another one."""
@@ -243,18 +249,28 @@ def test_a_known_change_of_number_belongs_to_a_point_of_another_kind(two_sided, 
     assert found == ({0: [(0, one)]} if searched else {})
 
 
-@pytest.mark.parametrize(("s", "ends", "kept"), [
-    (0.06, ("PD", ""), True), (0.04, ("PD", ""), False), (0.04, ("NS", ""), True), (0.94, ("", "PD"), True),
-    (0.96, ("", "PD"), False), (0.7, ("", "PD"), True), (1e-7, ("", ""), False), (1 - 1e-7, ("", ""), False),
-    (1e-5, ("", ""), True),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("s", "ends", "kept"),
+    [
+        (0.06, ("PD", ""), True),
+        (0.04, ("PD", ""), False),
+        (0.04, ("NS", ""), True),
+        (0.94, ("", "PD"), True),
+        (0.96, ("", "PD"), False),
+        (0.7, ("", "PD"), True),
+        (1e-7, ("", ""), False),
+        (1 - 1e-7, ("", ""), False),
+        (1e-5, ("", ""), True),
+    ],
+)
 def test_a_point_found_next_to_one_of_its_kind_is_this_one(s, ends, kept):
     """A point within 1/20 of the part from an end of its kind, or within 1e-6 from any end, is not returned."""
     point, calls = located("PD", s), []
     watch = SimpleNamespace(
         sign_changes=lambda rows: calls.append(rows) or ([] if len(calls) == 1 else [0]),
-        find=lambda part: [point], changes=lambda one, rows: np.zeros(1),
-    )  # fmt: skip
+        find=lambda part: [point],
+        changes=lambda one, rows: np.zeros(1),
+    )
     segment = SimpleNamespace(part=lambda a, b: (a, b))
     path = SimpleNamespace(points=["a", "b"], kinds=list(ends))
     found = find_even_crossings(watch, segment, [(point.event, 0.5)], lambda *_: None, path, 0)

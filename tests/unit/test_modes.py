@@ -95,8 +95,11 @@ def two(first, second, C=0.05):
 def test_alike_are_elements_of_the_same_law_on_a_symmetric_structure():
     assert len(two(Cubic(0.3, 0.1), Cubic(0.3, 0.1)).compiled({}).stability_modes().blocks) == 2
     assert len(two(Backlash(0.3), Backlash(0.3)).compiled({}).stability_modes().blocks) == 2
-    for problem in (two(Cubic(0.3, 0.1), Cubic(0.3, 0.2)), two(Backlash(0.3), Backlash(0.4)),
-                    HarmonicBalance(SpurPair(), 5)):  # fmt: skip
+    for problem in (
+        two(Cubic(0.3, 0.1), Cubic(0.3, 0.2)),
+        two(Backlash(0.3), Backlash(0.4)),
+        HarmonicBalance(SpurPair(), 5),
+    ):
         parts = problem.compiled({}).stability_modes()
         assert parts.blocks == (parts.coupled,)
     K = np.array([[1.2, -0.2], [-0.2, 1.7]])

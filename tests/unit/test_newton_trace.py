@@ -65,8 +65,10 @@ def test_a_segment_is_interpolated_for_any_length_of_its_tangents(scale):
     """At the fold of a circle the error is of fourth order and the fold is at the middle, for all scales."""
 
     def piece(h, before=1.0, behind=1.0):
-        ends = [CurvePoint(np.array([np.sin(x), np.cos(x)]), length * np.array([np.cos(x), -np.sin(x)]), 1, 0.0, 0)
-                for x, length in ((-h, before), (h, behind))]  # fmt: skip
+        ends = [
+            CurvePoint(np.array([np.sin(x), np.cos(x)]), length * np.array([np.cos(x), -np.sin(x)]), 1, 0.0, 0)
+            for x, length in ((-h, before), (h, behind))
+        ]
         return Segment(as_problem(CIRCLE), "p", {}, *ends, np.array(scale), NewtonSettings())
 
     def off(arc):

@@ -19,10 +19,35 @@ FOR_DEVELOPMENT = {"all", "docs", "test", "lint", "mutation"}
 
 POSIX_MODULES = {"fcntl", "grp", "pty", "pwd", "resource", "termios", "tty", "posix"}
 POSIX_NAMES = {
-    "fork", "getuid", "geteuid", "getgid", "killpg", "getpgid", "setsid", "sysconf", "getloadavg", "uname", "mkfifo",
-    "statvfs", "nice", "sched_getaffinity", "O_DIRECTORY", "O_NOFOLLOW", "O_CLOEXEC", "SIGKILL", "SIGALRM", "SIGHUP",
-    "SIGUSR1", "SIGUSR2", "SIGPIPE", "SIGCHLD", "alarm", "setitimer", "pthread_sigmask", "pthread_kill",
-}  # fmt: skip
+    "fork",
+    "getuid",
+    "geteuid",
+    "getgid",
+    "killpg",
+    "getpgid",
+    "setsid",
+    "sysconf",
+    "getloadavg",
+    "uname",
+    "mkfifo",
+    "statvfs",
+    "nice",
+    "sched_getaffinity",
+    "O_DIRECTORY",
+    "O_NOFOLLOW",
+    "O_CLOEXEC",
+    "SIGKILL",
+    "SIGALRM",
+    "SIGHUP",
+    "SIGUSR1",
+    "SIGUSR2",
+    "SIGPIPE",
+    "SIGCHLD",
+    "alarm",
+    "setitimer",
+    "pthread_sigmask",
+    "pthread_kill",
+}
 GUARDED = {"pthread_sigmask": "design/studies/processes.py"}
 """Names whose presence is checked in a module before they are used."""
 

@@ -67,8 +67,10 @@ def test_a_package_that_fails_gives_the_reason(peers, monkeypatch):
 
 def test_against_the_previous_fastest_code(peers):
     """The speeds of two computers are compared by pyHarm: if it takes twice as long here, so does the fastest code."""
-    rows = [{"problem": "duffing", "tool": tool, "seconds": ms / 10, "points": 100, "residual": 0.0, "folds": []}
-            for tool, ms in (("hbgear, stability", 0.5), ("pyHarm", 2.2))]  # fmt: skip
+    rows = [
+        {"problem": "duffing", "tool": tool, "seconds": ms / 10, "points": 100, "residual": 0.0, "folds": []}
+        for tool, ms in (("hbgear, stability", 0.5), ("pyHarm", 2.2))
+    ]
     line = next(text for text in peers.against_before(rows) if text.startswith("| Duffing"))
     assert line == "| Duffing | 4 | 2.00 | 1.68 | 3.4 |"
     rows[1] = {"problem": "duffing", "tool": "pyHarm", "failure": "not done in 60 s"}

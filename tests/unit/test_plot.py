@@ -74,9 +74,24 @@ def resonance(k3=-0.12, mean=1.9, corners=((-1.0, 1.0),), multipliers=True, harm
     regime = ((low < 1) & ~np.isin(u, grazes)).astype(np.int8)[:, None] + (low < -1)[:, None]
     layout = Layout(harmonics, 1, ("mesh",), corners, LABELS)
     branch = Branch(
-        "Omega", Omega, X, FIXED, {}, mu, np.full(len(u), 3), np.zeros(len(u)), regime, np.zeros(len(u)),
-        np.zeros(len(u)), (), (), Status.REACHED_END, "", layout, {},
-    )  # fmt: skip
+        "Omega",
+        Omega,
+        X,
+        FIXED,
+        {},
+        mu,
+        np.full(len(u), 3),
+        np.zeros(len(u)),
+        regime,
+        np.zeros(len(u)),
+        np.zeros(len(u)),
+        (),
+        (),
+        Status.REACHED_END,
+        "",
+        layout,
+        {},
+    )
     found, count = [], {"LP": 0, "GR": 0}
     for at, kind in special:
         i = int(np.searchsorted(u, at))
@@ -94,9 +109,20 @@ def rebuilt(branch, **changes):
 def as_special(branch, i, kind, label):
     p = branch[i]
     return SpecialPoint(
-        p.X, p.parameters, p.residual, p.iterations, p.multipliers, p.regime, p.error, p.layout, label,
-        kind, i, True, (branch.values[i - 1], branch.values[i + 1]),
-    )  # fmt: skip
+        p.X,
+        p.parameters,
+        p.residual,
+        p.iterations,
+        p.multipliers,
+        p.regime,
+        p.error,
+        p.layout,
+        label,
+        kind,
+        i,
+        True,
+        (branch.values[i - 1], branch.values[i + 1]),
+    )
 
 
 def jump(branch, point):
@@ -209,8 +235,13 @@ def test_legend_names_only_drawn_lines():
         return [text.get_text() for text in ax.get_legend().get_texts()]
 
     assert names(plot.response(resonance())) == [
-        "no impact", "single-sided", "unstable", "jump", "fold (LP)", "grazing contact (GR)"
-    ]  # fmt: skip
+        "no impact",
+        "single-sided",
+        "unstable",
+        "jump",
+        "fold (LP)",
+        "grazing contact (GR)",
+    ]
     assert names(plot.response(resonance(corners=((),)))) == ["unstable", "jump", "fold (LP)"]
     assert names(plot.response(resonance(multipliers=False), special=False)) == ["no impact", "single-sided", "jump"]
     assert plot.response(resonance(), legend=False).get_legend() is None
@@ -391,8 +422,10 @@ def label_boxes(ax):
 
 def test_curves_of_events_of_the_user_have_their_meaning_and_a_colour_each(tmp_path):
     """Also after loading; all of them, and peaks, were black "special points"."""
-    events = [hb.Event(kind, lambda point, a=a: point.amplitude("max") - a, f"deflection of {a}")
-              for kind, a in (("low", 0.5), ("high", 0.8))]  # fmt: skip
+    events = [
+        hb.Event(kind, lambda point, a=a: point.amplitude("max") - a, f"deflection of {a}")
+        for kind, a in (("low", 0.5), ("high", 0.8))
+    ]
     curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 3), "Omega", (0.5, 1.05), events=[*events, "PK"], accuracy=None)
     followed = [hb.follow(curve, label, "zeta", (0.05, 0.06), accuracy=None) for label in ("low1", "high1")]
     followed[0].save(tmp_path / "a.npz")
@@ -425,12 +458,15 @@ def test_thirty_curves_leave_space_for_the_axes():
 def test_several_branches_have_their_own_colours_names_and_labels():
     one, two = resonance(), resonance(k3=-0.11)
     ax = plot.responses((one, two))
-    colours = {line.get_label(): {other.get_color() for other in curves(ax) if other.get_label() == line.get_label()}
-               for line in curves(ax)}  # fmt: skip
+    colours = {
+        line.get_label(): {other.get_color() for other in curves(ax) if other.get_label() == line.get_label()}
+        for line in curves(ax)
+    }
     assert colours == {"branch 1": {plot.BRANCHES[0]}, "branch 2": {plot.BRANCHES[1]}}
     assert {line.get_linewidth() for line in curves(ax) if line.get_linestyle() == "-"} == {
-        plot.WIDTHS["no_impact"], plot.WIDTHS["single_sided"]
-    }  # fmt: skip
+        plot.WIDTHS["no_impact"],
+        plot.WIDTHS["single_sided"],
+    }
     names = [text.get_text() for text in ax.get_legend().get_texts()]
     assert names[:2] == ["branch 1", "branch 2"] and {"no impact", "single-sided", "unstable"} <= set(names)
     on_given_axes = plot.responses((one, two), ax=plt.figure().add_subplot()).get_legend()
@@ -467,8 +503,9 @@ def test_a_jump_is_drawn_to_the_other_branch_that_has_a_stable_motion():
     (arrow,) = (text for text in plot.responses((lost, other)).texts if text.arrow_patch is not None)
     x, y = arrow.xy
     sides = np.flatnonzero((other.values[:-1] - x) * (other.values[1:] - x) <= 0)
-    heights = [np.interp(x, *np.sort([other.values[i : i + 2], other.amplitude("pp2")[i : i + 2]], axis=1))
-               for i in sides]  # fmt: skip
+    heights = [
+        np.interp(x, *np.sort([other.values[i : i + 2], other.amplitude("pp2")[i : i + 2]], axis=1)) for i in sides
+    ]
     assert x == lost.jump_records[0].value and min(abs(y - height) for height in heights) < 1e-2
 
 
@@ -480,8 +517,9 @@ def test_a_curve_that_runs_off_to_infinity_ends_in_an_arrow():
     """The axes end at twice the amplitude up to the fold; an arrow marks the exit, a dotted line the asymptote."""
     b = resonance()
     growth = 1 + 300 * np.linspace(0, 1, len(b)) ** 8
-    far = rebuilt(b, X=b.X * growth[:, None], meta={"asymptotes": {"last": 1.5}}, special=b.special[:1],
-                  jump_records=())  # fmt: skip
+    far = rebuilt(
+        b, X=b.X * growth[:, None], meta={"asymptotes": {"last": 1.5}}, special=b.special[:1], jump_records=()
+    )
     heights = far.amplitude("pp2")
     ax = plot.response(far)
     (arrow,), (low, high) = arrows_out(ax), ax.get_ylim()
@@ -529,8 +567,10 @@ def test_landings_look_at_all_branches_of_the_same_machine():
 
 def test_labels_do_not_overlap_each_other_or_leave_the_axes():
     many = resonance()
-    crowd = [as_special(many, many["LP1"].index + 3 * i, kind, f"{kind}{i + 1}") for i, kind in
-             enumerate(("NS", "PD", "BP", "NS", "PD", "BP"))]  # fmt: skip
+    crowd = [
+        as_special(many, many["LP1"].index + 3 * i, kind, f"{kind}{i + 1}")
+        for i, kind in enumerate(("NS", "PD", "BP", "NS", "PD", "BP"))
+    ]
     b = rebuilt(many, special=tuple(sorted((*many.special, *crowd), key=lambda point: point.index)))
     for ax in (plot.response(b), plot.responses((b, resonance(k3=-0.11)))):
         boxes = list(label_boxes(ax).values())
@@ -753,11 +793,23 @@ def test_jump_map_has_axes_of_speed_only_if_omega_means_the_same_everywhere():
         grid = np.linspace(0.9, 1.1, 5) * value
         b = resonance()
         fold = rebuilt(
-            b, parameter=parameter, values=grid, fixed={}, tracked={"Omega": np.linspace(0.8, 0.9, 5)}, X=b.X[:5],
-            multipliers=b.multipliers[:5], iterations=b.iterations[:5], residual=b.residual[:5], regime=b.regime[:5],
-            error=b.error[:5], step=b.step[:5], modulus_error=b.modulus_error[:5], jump_records=(), meta=meta,
+            b,
+            parameter=parameter,
+            values=grid,
+            fixed={},
+            tracked={"Omega": np.linspace(0.8, 0.9, 5)},
+            X=b.X[:5],
+            multipliers=b.multipliers[:5],
+            iterations=b.iterations[:5],
+            residual=b.residual[:5],
+            regime=b.regime[:5],
+            error=b.error[:5],
+            step=b.step[:5],
+            modulus_error=b.modulus_error[:5],
+            jump_records=(),
+            meta=meta,
             special=(dataclasses.replace(b.special[0], index=2, parameters={parameter: grid[2], "Omega": 0.85}),),
-        )  # fmt: skip
+        )
         arm = Arm(grid, fold.tracked["Omega"], 1)
         return plot.jump_map(JumpMap(parameter, (grid[0], grid[-1]), (fold,), (arm,), {}))
 

@@ -148,19 +148,29 @@ def test_figures_of_a_machine_with_scales_are_in_its_units():
     pair = hb.SpurPair(reference=(38000.0, 37.6e-6, 15000.0, 25.0))
     with ThreadPoolExecutor(1) as pool:
         found = hb.design.cases(
-            pair, hb.design.grid(zeta=[0.04, 0.05]), ("peak", "jumps", "curve"), harmonics=3, span=(1.0, 0.6),
+            pair,
+            hb.design.grid(zeta=[0.04, 0.05]),
+            ("peak", "jumps", "curve"),
+            harmonics=3,
+            span=(1.0, 0.6),
             executor=pool,
-        )  # fmt: skip
+        )
     speed, length = pair.scales.pinion_speed(1.0), 1e6 * pair.scales.length
     drawn = {}
     for bare in (False, True):
-        axes = (plot.envelope(found, dimensionless=bare), plot.jump_distribution(found, dimensionless=bare),
-                plot.against_parameters(found, dimensionless=bare).axes[0])  # fmt: skip
+        axes = (
+            plot.envelope(found, dimensionless=bare),
+            plot.jump_distribution(found, dimensionless=bare),
+            plot.against_parameters(found, dimensionless=bare).axes[0],
+        )
         labels = " ".join((axes[0].get_xlabel(), axes[0].get_ylabel(), axes[1].get_xlabel(), axes[2].get_ylabel()))
         assert ("r/min" in labels, "\N{MICRO SIGN}m" in labels) == (not bare, not bare)
         assert (r"\Omega" in labels) == bare
-        drawn[bare] = (axes[0].get_lines()[0].get_xydata(), axes[1].patches[0].get_data().edges,
-                       axes[2].lines[0].get_ydata())  # fmt: skip
+        drawn[bare] = (
+            axes[0].get_lines()[0].get_xydata(),
+            axes[1].patches[0].get_data().edges,
+            axes[2].lines[0].get_ydata(),
+        )
     np.testing.assert_allclose(drawn[False][0], drawn[True][0] * (speed, length))
     np.testing.assert_allclose(drawn[False][1], drawn[True][1] * speed)
     np.testing.assert_allclose(drawn[False][2], drawn[True][2] * length)
@@ -174,9 +184,13 @@ REFERENCES = ((38000.0, 37.6e-6, 15000.0, 25), (45000.0, 30e-6, 15000.0, 25))
 def scaled():
     with ThreadPoolExecutor(1) as pool:
         return hb.design.cases(
-            hb.SpurPair(reference=REFERENCES[0]), hb.design.grid(reference=REFERENCES), ("peak", "jumps", "curve"),
-            harmonics=4, span=(0.6, 1.2), executor=pool,
-        )  # fmt: skip
+            hb.SpurPair(reference=REFERENCES[0]),
+            hb.design.grid(reference=REFERENCES),
+            ("peak", "jumps", "curve"),
+            harmonics=4,
+            span=(0.6, 1.2),
+            executor=pool,
+        )
 
 
 def test_each_case_is_shown_by_its_own_scales(scaled, tmp_path):

@@ -238,8 +238,13 @@ def machine(seed=0):
     gap = hb.Element([1.0, -1.0, 0.0], hb.Backlash(0.3), hb.mechanics.Series(0.0, (0.05,)), 0.05, name="gap")
     stop = hb.Element([0.0, 0.3, 1.0], hb.Unilateral(2.0, 0.1), name="stop")
     K = np.array([[1.5, -0.4, 0.0], [-0.4, 1.2, -0.3], [0.0, -0.3, 0.9]])
-    return hb.System(np.diag([1.0, 1.5, 0.8]), 0.1 * K + 0.05 * np.eye(3), K, [gap, stop],
-                     hb.Load([0.5, -0.2, 0.1], {1: [0.2, 0.0, 0.1]}, {2: [0.0, 0.05, 0.0]}))  # fmt: skip
+    return hb.System(
+        np.diag([1.0, 1.5, 0.8]),
+        0.1 * K + 0.05 * np.eye(3),
+        K,
+        [gap, stop],
+        hb.Load([0.5, -0.2, 0.1], {1: [0.2, 0.0, 0.1]}, {2: [0.0, 0.05, 0.0]}),
+    )
 
 
 def solution(problem, X, Omega):
@@ -261,8 +266,13 @@ def test_order_of_coordinates_and_elements(order, exchanged, Omega):
     (load,), which = system.load, [1, 0] if exchanged else [0, 1]
     elements = [replace(system.elements[j], direction=system.elements[j].direction[p]) for j in which]
     take = lambda vectors: {k: np.asarray(v)[p] for k, v in vectors.items()}  # noqa: E731
-    mixed = System(system.M[np.ix_(p, p)], system.C[np.ix_(p, p)], system.K[np.ix_(p, p)], elements,
-                   hb.Load(np.asarray(load.constant)[p], take(load.cosine), take(load.sine)))  # fmt: skip
+    mixed = System(
+        system.M[np.ix_(p, p)],
+        system.C[np.ix_(p, p)],
+        system.K[np.ix_(p, p)],
+        elements,
+        hb.Load(np.asarray(load.constant)[p], take(load.cosine), take(load.sine)),
+    )
     X, error = MOTIONS[Omega]
     problem = hb.HarmonicBalance(mixed, 5)
     start = 1.001 * X.reshape(2, -1)[which].ravel()
@@ -288,8 +298,13 @@ def test_units_of_time_and_length(clock, length, Omega):
         for e in system.elements
     ]
     times = lambda vectors: {k: length * np.asarray(v) for k, v in vectors.items()}  # noqa: E731
-    scaled = System(system.M * clock**2, system.C * clock, system.K, elements,
-                    hb.Load(length * np.asarray(load.constant), times(load.cosine), times(load.sine)))  # fmt: skip
+    scaled = System(
+        system.M * clock**2,
+        system.C * clock,
+        system.K,
+        elements,
+        hb.Load(length * np.asarray(load.constant), times(load.cosine), times(load.sine)),
+    )
     X, error = MOTIONS[Omega]
     problem = hb.HarmonicBalance(scaled, 5)
     Y, other = solution(problem, 1.001 * length * X, Omega / clock)

@@ -63,8 +63,11 @@ def compared(curve):
     """Special points without two inner grazings within 2e-4 of the span: a step that contains both may miss them."""
     inner = [p.parameters["Omega"] for p in curve.special if p.note.startswith("inner")]
     width = 2e-4 * np.ptp(curve.values)
-    return [p for p in curve.special if not p.note.startswith("inner")
-            or sum(abs(p.parameters["Omega"] - Omega) < width for Omega in inner) == 1]  # fmt: skip
+    return [
+        p
+        for p in curve.special
+        if not p.note.startswith("inner") or sum(abs(p.parameters["Omega"] - Omega) < width for Omega in inner) == 1
+    ]
 
 
 @pytest.mark.parametrize("back", [False, True], ids=["forth", "back"])

@@ -78,10 +78,12 @@ def test_dependent_directions_against_dense_solves(rng, power):
         f = rng.standard_normal(5) + 1j * rng.standard_normal(5)  # beyond the reference springs and dampers
         D = D0 + 1j * w * (system.C + (system.W * c) @ system.W.T) - w**2 * system.M
         d_plus_e = system.W.T @ np.linalg.solve(D, F - system.W @ f)
-        e = np.array([
-            {0: x.mean, 1: x.cosine[0] - 1j * x.sine[0], 2: -1j * x.sine[1]}.get(order, 0.0)
-            for x in (element.displacement for element in system.elements)
-        ])  # fmt: skip
+        e = np.array(
+            [
+                {0: x.mean, 1: x.cosine[0] - 1j * x.sine[0], 2: -1j * x.sine[1]}.get(order, 0.0)
+                for x in (element.displacement for element in system.elements)
+            ]
+        )
         d = d_plus_e - e
         law_forces = f + s.kr * d_plus_e + 1j * w * c * e
         residual = s.force_sums @ (part.Z[k] @ d + part.g[k] + law_forces) + s.compatibility @ d_plus_e
@@ -205,10 +207,12 @@ def test_units_do_not_matter():
     system = two_masses(Load([0.5, -1.0], {1: [0.2, 0.0]}))
     S, clock = np.diag([1e-6, 1e4]), 1e3
     scaled = System(
-        S @ system.M @ S / clock**2, None, system.K,
+        S @ system.M @ S / clock**2,
+        None,
+        system.K,
         [Element(S @ [1.0, -2.0], Backlash(1.0), damping=0.1 / clock)],
         Load(S @ [0.5, -1.0], {1: S @ [0.2, 0.0]}),
-    )  # fmt: skip
+    )
     a = Receptance(LinearStructure(system), system, H, 1).at(0.9)
     b = Receptance(LinearStructure(scaled), scaled, H, 1).at(0.9 * clock)
     np.testing.assert_allclose(b.Z, a.Z, rtol=1e-9, atol=1e-10)

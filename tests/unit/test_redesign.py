@@ -38,8 +38,10 @@ def test_a_jump_is_removed_by_the_least_change():
     assert found.distance == pytest.approx(min(every), rel=2e-3) and found.distance >= min(every)
     assert found.values["zeta"] == pytest.approx(0.05 * (1 + found.changes["zeta"]))
     # with 2 % less change the jump remains
-    less = {name: found.model.parameters[name] - 0.02 * (found.values[name] - own)
-            for name, own in (("zeta", 0.05), ("e_scale", 1.0))}  # fmt: skip
+    less = {
+        name: found.model.parameters[name] - 0.02 * (found.values[name] - own)
+        for name, own in (("zeta", 0.05), ("e_scale", 1.0))
+    }
     curve = hb.trace(hb.HarmonicBalance(PAIR.model.replace(**less), 5), "Omega", PAIR.model.default_span)
     assert any(point.kind == "LP" for point in curve.special)
 
@@ -82,8 +84,15 @@ def test_peaks_of_motions_without_bound():
     model = hb.SpurPair(zeta=0.01, eps=(0.0, 0.2), e=(0.05,))
     with pytest.raises(ValueError, match=r"grow without bound towards Omega = 1\.048.* more damping"):
         hb.design.redesign(model, hb.design.peak_below(0.5), ["zeta"], harmonics=8, span=(1.5, 0.3))
-    search = Search(hb.HarmonicBalance(model, 8), hb.design.peak_below(50.0), ("zeta",), np.array([0.01]), (1.5, 0.3),
-                    Spread({}, 2.0, (), 1.0), None)  # fmt: skip
+    search = Search(
+        hb.HarmonicBalance(model, 8),
+        hb.design.peak_below(50.0),
+        ("zeta",),
+        np.array([0.01]),
+        (1.5, 0.3),
+        Spread({}, 2.0, (), 1.0),
+        None,
+    )
     assert math.isinf(_traced_shortfall(search, np.zeros(1), {})[1])
 
 
@@ -321,8 +330,9 @@ class _TwoHalfPlanes(Search):
 def test_cusps_found_one_after_the_other_remain():
     """The search ends at the corner of two half-planes and not at the nearest point of one of them."""
     problem = hb.HarmonicBalance(hb.Duffing(), 1)
-    search = _TwoHalfPlanes(problem, hb.design.no_jumps(), ("x", "y"), np.ones(2), (0.5, 1.5),
-                            Spread({}, 2.0, (), 1.0), None)  # fmt: skip
+    search = _TwoHalfPlanes(
+        problem, hb.design.no_jumps(), ("x", "y"), np.ones(2), (0.5, 1.5), Spread({}, 2.0, (), 1.0), None
+    )
     u = search.run(np.zeros(2), np.full(2, -1.0), np.full(2, 1.0))
     assert u == pytest.approx([(0.3 + 1e-3) / 3] * 2, abs=1e-6)
     assert search.steps < 8 and search.message.endswith("steps")
@@ -434,6 +444,7 @@ def test_a_fold_outside_the_span():
     changed = hb.design.redesign(lower, hb.design.no_jumps(), ["e[0]"], span=(1.4, 0.8))
     assert changed.reached and changed.values["e[0]"] == pytest.approx(0.01248, rel=3e-3)
     # with two harmonics the fold curve ends below the cusp, which is located with more of them
-    below = hb.analysis.critical_parameter(hb.HarmonicBalance(hb.SpurPair(e=(0.01243,)), 2), "e[0]",
-                                           frequencies=(1.4, 0.8))  # fmt: skip
+    below = hb.analysis.critical_parameter(
+        hb.HarmonicBalance(hb.SpurPair(e=(0.01243,)), 2), "e[0]", frequencies=(1.4, 0.8)
+    )
     assert below.value == pytest.approx(0.012482, abs=1e-6) and not below.jump_below

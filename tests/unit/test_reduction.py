@@ -152,8 +152,13 @@ def test_free_motion_stays_free():
     drive = np.zeros(n)
     drive[0], drive[-1] = 0.1, -0.1
     M, K = sparse.eye_array(n).tocsr(), K.tocsr()
-    full = hb.System(M, 0.05 * K, K, [hb.Element(gap, hb.Backlash(b=0.05), damping=0.05)],
-                     hb.Load(constant=drive, cosine={1: 0.5 * drive}))  # fmt: skip
+    full = hb.System(
+        M,
+        0.05 * K,
+        K,
+        [hb.Element(gap, hb.Backlash(b=0.05), damping=0.05)],
+        hb.Load(constant=drive, cosine={1: 0.5 * drive}),
+    )
     found = reduce(full, 25)
     assert found.frequencies[0] < 1e-6 < found.frequencies[1]
     dense = hb.System(M.toarray(), 0.05 * K.toarray(), K.toarray(), full.elements, full.load)

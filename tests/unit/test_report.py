@@ -181,9 +181,15 @@ def test_lines_of_a_study_are_of_its_measure_and_element(tmp_path, measure, elem
     """The page draws them only where it shows this measure, and not among those of the transmission error."""
     with ThreadPoolExecutor(1) as here:
         found = hb.design.cases(
-            hb.SpurPair(), hb.design.grid(zeta=[0.2]), ("curve",), harmonics=4, span=(1.5, 1.3), executor=here,
-            measure=measure, element=element,
-        )  # fmt: skip
+            hb.SpurPair(),
+            hb.design.grid(zeta=[0.2]),
+            ("curve",),
+            harmonics=4,
+            span=(1.5, 1.3),
+            executor=here,
+            measure=measure,
+            element=element,
+        )
     found.export(tmp_path / "table.npz")
     for study in (found, read_results(tmp_path)):
         for line in lines_of(study, "a"):
@@ -231,12 +237,16 @@ def test_a_study_in_a_folder_is_shown_by_the_command(pair, scatter, tmp_path, ca
 
 @pytest.mark.parametrize(
     ("arrays", "said"),
-    [({"case": np.arange(2)}, "array jump_table"),
-     ({"jump_table": np.zeros((1, 4)), "curve_table": np.zeros((0, 4))}, "array jump_table"),
-     ({"jump_table": np.zeros((1, 5)), "curve_table": np.zeros((0, 4))}, "one of them case"),
-     ({"jump_table": np.zeros((1, 5)), "curve_table": np.zeros((0, 4)), "case": np.arange(2), "a": np.zeros(3)},
-      "columns of one length")],
-)  # fmt: skip
+    [
+        ({"case": np.arange(2)}, "array jump_table"),
+        ({"jump_table": np.zeros((1, 4)), "curve_table": np.zeros((0, 4))}, "array jump_table"),
+        ({"jump_table": np.zeros((1, 5)), "curve_table": np.zeros((0, 4))}, "one of them case"),
+        (
+            {"jump_table": np.zeros((1, 5)), "curve_table": np.zeros((0, 4)), "case": np.arange(2), "a": np.zeros(3)},
+            "columns of one length",
+        ),
+    ],
+)
 def test_files_that_are_no_table_of_a_study_are_refused(tmp_path, arrays, said):
     np.savez(tmp_path / "table.npz", **arrays)
     with pytest.raises(ValueError, match=f"{said}.*give the folder of hbgear study"):
@@ -318,8 +328,10 @@ def test_measured_sweeps_in_units_of_length_and_both_directions(tmp_path):
 def test_measured_transmission_errors_are_drawn_among_transmission_errors(tmp_path):
     (tmp_path / "run.csv").write_text("Omega,dte\n1,2")
     for reference, e, measure in (
-        ((38000.0, 37.6e-6, 15000.0, 25), (0.05,), "dte"), ((), (), "pp2"), ((), (0.05,), None),
-    ):  # fmt: skip
+        ((38000.0, 37.6e-6, 15000.0, 25), (0.05,), "dte"),
+        ((), (), "pp2"),
+        ((), (0.05,), None),
+    ):
         model = hb.SpurPair(e=e, eps=(0.1,), reference=reference or hb.SpurPair().reference)
         curve = hb.trace(hb.HarmonicBalance(model, 3), "Omega", (1.2, 1.1), stability=False)
         if measure is None:
@@ -498,8 +510,11 @@ def test_lines_are_those_of_the_figures(shown, pair):
         for first, last in [(0, len(x) - 1), (len(x) // 3, len(x) - 2)]:
             drawn = shown.execute_script(
                 "return hbgearLines.smooth(arguments[0], arguments[1])(arguments[2], arguments[3])",
-                x.tolist(), y.tolist(), first, last,
-            )  # fmt: skip
+                x.tolist(),
+                y.tolist(),
+                first,
+                last,
+            )
             expected = SmoothCurve(x, y).between(first, last)
             np.testing.assert_allclose([drawn["x"], drawn["y"]], expected, rtol=0, atol=1e-9)
             np.testing.assert_array_equal(sorted(set(drawn["point"])), range(first, last + 1))

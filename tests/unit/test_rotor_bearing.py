@@ -9,9 +9,25 @@ from hbgear.continuation.solvers.newton import solve
 from hbgear.mechanics.series.fourier import to_complex, to_real
 
 UNEQUAL = hb.gears.GearRotorBearing(
-    zeta=0.04, zeta_1=0.02, zeta_2=0.03, kappa_1=1.1, kappa_2=0.7, mu_1=0.3, mu_2=0.15, F_m=0.12, F_1=0.05, F_2=0.08,
-    eps=(0.2, -0.1), e=(0.05, 0.02), phase="sin", b=0.8, b_1=0.4, b_2=0.3, eps_scale=1.5, e_scale=0.5,
-)  # fmt: skip
+    zeta=0.04,
+    zeta_1=0.02,
+    zeta_2=0.03,
+    kappa_1=1.1,
+    kappa_2=0.7,
+    mu_1=0.3,
+    mu_2=0.15,
+    F_m=0.12,
+    F_1=0.05,
+    F_2=0.08,
+    eps=(0.2, -0.1),
+    e=(0.05, 0.02),
+    phase="sin",
+    b=0.8,
+    b_1=0.4,
+    b_2=0.3,
+    eps_scale=1.5,
+    e_scale=0.5,
+)
 
 
 @pytest.mark.parametrize("model", [hb.gears.GearRotorBearing(), UNEQUAL])

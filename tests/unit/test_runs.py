@@ -160,10 +160,13 @@ def test_answers(curve, tmp_path):
     )
 
 
-@pytest.mark.parametrize(("pair", "gears"), [
-    (hb.gears.HelicalPair(e=(0.05,)), {"p": ["pinion"], "g": ["wheel"]}),
-    (hb.gears.DoubleHelicalPair(), {"p": ["pL", "pR"], "g": ["gL", "gR"]}),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("pair", "gears"),
+    [
+        (hb.gears.HelicalPair(e=(0.05,)), {"p": ["pinion"], "g": ["wheel"]}),
+        (hb.gears.DoubleHelicalPair(), {"p": ["pL", "pR"], "g": ["gL", "gR"]}),
+    ],
+)
 def test_reactions_are_mesh_force_less_inertia(pair, gears):
     """Support forces of a gear equal its mesh forces minus mass times acceleration (Newton's second law)."""
     curve = hb.trace(hb.HarmonicBalance(pair, 10), "Omega", (1.45, 1.451))
@@ -179,8 +182,10 @@ def test_reactions_are_mesh_force_less_inertia(pair, gears):
             own = [f"{part} {what}" for part in parts if f"{part} {what}" in held]
             if not own:
                 continue
-            rows = [sum(left[i] for i, name in enumerate(problem.dof_names) if name.startswith(f"{axis}_{gear}"))
-                    for axis in axes]  # fmt: skip
+            rows = [
+                sum(left[i] for i, name in enumerate(problem.dof_names) if name.startswith(f"{axis}_{gear}"))
+                for axis in axes
+            ]
             np.testing.assert_allclose(sum(held[name] for name in own), rows, atol=2e-9 * np.abs(left).max())
     found, theta = hb.analysis.machine_quantities(curve), np.linspace(0, 2 * np.pi, 4001)
     for name, rows in held.items():

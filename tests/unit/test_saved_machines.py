@@ -15,12 +15,17 @@ pytestmark = pytest.mark.slow
 
 def train():
     """Two meshes in line: wheels in the plane, a table over speed, functions with corners, a shaft."""
-    wheels = [hb.gears.Wheel("in", 1e-3, 1.0, teeth=20, base_radius=0.028, moves="plane", torque=50.0),
-              hb.gears.Wheel("idler", 2e-3, teeth=30, base_radius=0.042),
-              hb.gears.Wheel("out", 4e-3, teeth=40, base_radius=0.056), hb.gears.Wheel("mill", 2e-2)]  # fmt: skip
+    wheels = [
+        hb.gears.Wheel("in", 1e-3, 1.0, teeth=20, base_radius=0.028, moves="plane", torque=50.0),
+        hb.gears.Wheel("idler", 2e-3, teeth=30, base_radius=0.042),
+        hb.gears.Wheel("out", 4e-3, teeth=40, base_radius=0.056),
+        hb.gears.Wheel("mill", 2e-2),
+    ]
     k = hb.mechanics.Periodic.trapezoidal(1.2, 0.8, 0.6, 0.1)
-    meshes = [hb.gears.Mesh("in", "idler", 4e8, 4e-5, stiffness=k, direction=0.0),
-              hb.gears.Mesh("idler", "out", 3e8, 4e-5, eps=(0.2,), e=(1e-6, 2e-7), e_lag=(0.1, 0.0))]  # fmt: skip
+    meshes = [
+        hb.gears.Mesh("in", "idler", 4e8, 4e-5, stiffness=k, direction=0.0),
+        hb.gears.Mesh("idler", "out", 3e8, 4e-5, eps=(0.2,), e=(1e-6, 2e-7), e_lag=(0.1, 0.0)),
+    ]
     table = hb.mechanics.MatrixTable([1.0, 1e4], [1e7 * np.eye(2), 2e7 * np.eye(2)])
     return hb.gears.Train(
         wheels,
@@ -39,8 +44,9 @@ def system(law=hb.Backlash(0.1, 2.0), matrix=np.asarray):  # noqa: B008
         0.5,
         stiffness=hb.mechanics.MatrixTable([0.2, 3.0], [np.eye(2), 2 * np.eye(2)]),
     )
-    return hb.System(matrix(np.eye(2)), matrix(0.05 * np.eye(2)), matrix(np.diag([1.0, 2.0])), [gap], loads,
-                     ["a", "b"], terms)  # fmt: skip
+    return hb.System(
+        matrix(np.eye(2)), matrix(0.05 * np.eye(2)), matrix(np.diag([1.0, 2.0])), [gap], loads, ["a", "b"], terms
+    )
 
 
 def epicyclic():

@@ -48,8 +48,9 @@ def sampled():
     return hb.trace(hb.HarmonicBalance(Pair(), 4), "Omega", (0.9, 1.0))
 
 
-@pytest.mark.parametrize("again", [lambda x: pickle.loads(pickle.dumps(x)), copy.deepcopy, copy.copy],
-                         ids=["pickle", "deepcopy", "copy"])  # fmt: skip
+@pytest.mark.parametrize(
+    "again", [lambda x: pickle.loads(pickle.dumps(x)), copy.deepcopy, copy.copy], ids=["pickle", "deepcopy", "copy"]
+)
 def test_branches_of_sampled_laws_are_copied_with_their_problem(again):
     branch = sampled()
     twin = again(branch)

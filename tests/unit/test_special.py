@@ -309,8 +309,11 @@ def test_points_can_be_refined_with_more_harmonics(strong):
 def test_clearances_are_named():
     system = System([[1.0]], [[0.1]], [[0.0]], [Element([1.0], Backlash(1.0), name="gap")], Load([0.1], {1: [0.05]}))
     assert HarmonicBalance(system, 3).clearance_names == (
-        "lowest of gap at -1", "highest of gap at -1", "lowest of gap at 1", "highest of gap at 1",
-    )  # fmt: skip
+        "lowest of gap at -1",
+        "highest of gap at -1",
+        "lowest of gap at 1",
+        "highest of gap at 1",
+    )
 
 
 # ---- pairs of special points on one step
@@ -391,8 +394,10 @@ def test_an_isotropic_rotor_has_its_branch_points_in_pairs():
 def hard_stops():
     """Return two masses with a stop and a stiff gap: real multipliers pass +1 near their folds."""
     C, K = np.array([[0.1714, -0.0922], [-0.0922, 0.1114]]), np.array([[1.4258, -0.8069], [-0.8069, 0.8069]])
-    elements = [Element([0.0, 1.0], Unilateral(k=2.2025, gap=0.7689), name="q2"),
-                Element([1.0, 0.0], Backlash(b=0.27504, k=54.957), name="q1")]  # fmt: skip
+    elements = [
+        Element([0.0, 1.0], Unilateral(k=2.2025, gap=0.7689), name="q2"),
+        Element([1.0, 0.0], Backlash(b=0.27504, k=54.957), name="q1"),
+    ]
     return System(np.diag([0.8534, 1.922]), C, K, elements, Load(cosine={1: [0.13765, 0.0]}))
 
 

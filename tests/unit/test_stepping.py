@@ -24,15 +24,21 @@ from hbgear.time.integration import integrate
 WAVY = Series(mean=1.0, cosine=(0.2, 0.05), sine=(0.1,))
 TWO_SPRINGS = Parallel((Backlash(0.5, 1.0, WAVY), Unilateral(0.7, 0.8)))
 ALL_IN_ONE = Parallel((TWO_SPRINGS, Cubic(0.2, 0.1)))
-TEETH = MeshContacts((
-    ToothContact(Periodic.trapezoidal(1.5, 0.0, 0.5, 0.1), Periodic.table([0, 2, 4], [0.1, 0.5, 0.2], kind="cubic")),
-    ToothContact(Periodic.rectangular(0.8, 0.0, 0.6, start=3.0), Series(0.4)),
-    ToothContact(Series(0.9), Periodic.table([1, 3, 5], [-0.4, -0.2, -0.3]), side=-1),
-))  # fmt: skip
-STEPPED_TEETH = MeshContacts((
-    ToothContact(Series(1.2), Periodic.rectangular(0.3, -0.1, 0.5, start=1.0)),
-    ToothContact(Series(0.7), Series(-0.2), side=-1),
-))  # fmt: skip
+TEETH = MeshContacts(
+    (
+        ToothContact(
+            Periodic.trapezoidal(1.5, 0.0, 0.5, 0.1), Periodic.table([0, 2, 4], [0.1, 0.5, 0.2], kind="cubic")
+        ),
+        ToothContact(Periodic.rectangular(0.8, 0.0, 0.6, start=3.0), Series(0.4)),
+        ToothContact(Series(0.9), Periodic.table([1, 3, 5], [-0.4, -0.2, -0.3]), side=-1),
+    )
+)
+STEPPED_TEETH = MeshContacts(
+    (
+        ToothContact(Series(1.2), Periodic.rectangular(0.3, -0.1, 0.5, start=1.0)),
+        ToothContact(Series(0.7), Series(-0.2), side=-1),
+    )
+)
 
 
 @dataclass(frozen=True)
@@ -60,10 +66,12 @@ class Opaque(Law):
 def machine(law):
     """Return two masses with a law between them and a stop at the second mass."""
     return hb.System(
-        [[1.0, 0.0], [0.0, 0.6]], [[0.06, -0.03], [-0.03, 0.06]], [[0.5, -0.2], [-0.2, 0.7]],
+        [[1.0, 0.0], [0.0, 0.6]],
+        [[0.06, -0.03], [-0.03, 0.06]],
+        [[0.5, -0.2], [-0.2, 0.7]],
         [hb.Element([1.0, -1.0], law, Series(cosine=(0.05,))), hb.Element([0.0, 1.0], Unilateral(2.0, 0.3))],
         hb.Load([0.3, 0.1], {1: [0.7, 0.0]}),
-    )  # fmt: skip
+    )
 
 
 MACHINES = {
@@ -168,8 +176,9 @@ def test_contacts_of_constant_stiffness_and_level_are_a_backlash(rng):
     """Contacts on both sides at +-b are the law Backlash(b), with a prescribed displacement, to rounding."""
     contacts = MeshContacts((ToothContact(Series(1.3), Series(0.5)), ToothContact(Series(1.3), Series(-0.5), side=-1)))
     y = rng.uniform(-1, 1, (7, 4))
-    ends = [integrate(machine(law), y, 3, 0.7, method="exponential", steps=40).end
-            for law in (contacts, Backlash(0.5, 1.3))]  # fmt: skip
+    ends = [
+        integrate(machine(law), y, 3, 0.7, method="exponential", steps=40).end for law in (contacts, Backlash(0.5, 1.3))
+    ]
     np.testing.assert_allclose(ends[0], ends[1], rtol=0, atol=1e-12)
 
 

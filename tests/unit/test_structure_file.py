@@ -217,10 +217,12 @@ def test_matrices_without_their_table_are_a_structure(tmp_path):
 
 @pytest.mark.parametrize(
     ("law", "words"),
-    [("unilaterall", "there is no law 'unilaterall'; did you mean 'unilateral'"),
-     ("rubber", "there is no law 'rubber'; give one of cubic, .*backlash"),
-     ("parallel", "law = 'parallel' cannot be given in TOML")],
-)  # fmt: skip
+    [
+        ("unilaterall", "there is no law 'unilaterall'; did you mean 'unilateral'"),
+        ("rubber", "there is no law 'rubber'; give one of cubic, .*backlash"),
+        ("parallel", "law = 'parallel' cannot be given in TOML"),
+    ],
+)
 def test_unknown_laws_are_named(tmp_path, law, words):
     file = tmp_path / "law.toml"
     text = ELEMENTS.replace('"unilateral"', f'"{law}"')

@@ -83,8 +83,9 @@ def test_parameters_of_a_drawing_vary_with_their_units(tmp_path):
     )
     study = read_study(tmp_path / "a.toml")
     assert study.model.parameters["damping"] == 0.03 and dict(study.vary.values) == {
-        "torque": (150.0, 200.0), "backlash": (90.0,)
-    }  # fmt: skip
+        "torque": (150.0, 200.0),
+        "backlash": (90.0,),
+    }
     work = study.work
     (tmp_path / "other.toml").write_text(
         PAIR.replace("200 N m", "150 N m").replace("80 um", "90 um").replace("0.04", "0.03")

@@ -46,8 +46,9 @@ def test_amplitudes_between_points_are_those_of_a_linear_oscillator():
     """Its amplitude is F / |1 - Omega^2 + 2 i zeta Omega|; linear interpolation has an error of .4 %."""
     with ThreadPoolExecutor(1) as here:
         vary = hb.design.grid(F=[0.2])
-        linear = hb.design.cases(hb.Duffing(k3=0.0), vary, ("jumps", "curve"), harmonics=1, span=(0.5, 1.5),
-                                 executor=here)  # fmt: skip
+        linear = hb.design.cases(
+            hb.Duffing(k3=0.0), vary, ("jumps", "curve"), harmonics=1, span=(0.5, 1.5), executor=here
+        )
     Omega = np.linspace(0.5, 1.5, 1001)
     statistics = hb.design.sweep_statistics(linear, Omega, (0.5,))
     expected = 0.2 / np.abs(1 - Omega**2 + 2j * 0.05 * Omega)
@@ -59,8 +60,9 @@ def test_amplitudes_next_to_a_fold_are_those_of_the_harmonic_balance():
     """With one harmonic (1 - Omega^2 + 3/4 A^2)^2 A^2 + (2 zeta Omega A)^2 = F^2, a cubic in A^2."""
     F, zeta, k3 = 0.2, 0.05, hb.Duffing().k3
     with ThreadPoolExecutor(1) as here:
-        hard = hb.design.cases(hb.Duffing(), hb.design.grid(F=[F]), ("jumps", "curve"), harmonics=1, span=(0.8, 1.5),
-                               executor=here)  # fmt: skip
+        hard = hb.design.cases(
+            hb.Duffing(), hb.design.grid(F=[F]), ("jumps", "curve"), harmonics=1, span=(0.8, 1.5), executor=here
+        )
     ends = {int(direction): end for _, end, direction, *_ in hard.jumps}
     for direction, name, choose in ((1, "rising", max), (-1, "falling", min)):
         Omega = ends[direction] - direction * np.array([0.1, 1e-2, 1e-3, 1e-4, 1e-5])[::direction]

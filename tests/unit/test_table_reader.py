@@ -54,8 +54,11 @@ def test_the_unit_defines_the_measured_quantity(tmp_path):
     w = 2j * np.pi * f[1:]
     v, a = H[1:] * w, H[1:] * w**2
     for name, unit, values, scale in (("v", "mm/s/N", v, 1e3), ("a", "(m/s²)/N", a, 1.0), ("b", "1/kg", a, 1.0)):
-        table = written(tmp_path / f"{name}.csv", f"f [Hz],real [{unit}],imag [{unit}]",
-                        (f[1:], scale * values.real, scale * values.imag))  # fmt: skip
+        table = written(
+            tmp_path / f"{name}.csv",
+            f"f [Hz],real [{unit}],imag [{unit}]",
+            (f[1:], scale * values.real, scale * values.imag),
+        )
         np.testing.assert_allclose(receptance(table, static=[[1e-4]])[-100:], H[1:], rtol=1e-9)
         with pytest.raises(ValueError, match=r"is that of \w+, not receptance; give quantity="):
             receptance(table, quantity="receptance")
@@ -126,11 +129,15 @@ def test_a_column_of_another_name_is_no_mesh_cycle_unless_it_is_named(tmp_path, 
 def test_names_and_units_in_two_lines_in_quotes_and_in_a_remark(tmp_path):
     path = tmp_path / "k.csv"
     rows = "\n".join(f"{x};{k}" for x, k in zip(*CYCLE, strict=True))
-    texts = (f"phase;k(t)\n[deg];[kN/mm]\n{rows}",
-             f"phase;k\n°;kN/mm\n{rows}", f"phase;k\r[deg];[kN/mm]\r{rows}".replace("\n", "\r"),
-             f"# phase [deg];k [kN/mm]\n{rows}", f'"phase [deg]";"k [kN/mm]"\n{rows}',
-             "phase [deg],k [kN/mm]\n" + '"' + rows.replace(".", ",").replace(";", '","').replace("\n", '"\n"') + '"',
-             f"phase [deg];k [kN/mm];\n{rows.replace(chr(10), ';' + chr(10))};")  # fmt: skip
+    texts = (
+        f"phase;k(t)\n[deg];[kN/mm]\n{rows}",
+        f"phase;k\n°;kN/mm\n{rows}",
+        f"phase;k\r[deg];[kN/mm]\r{rows}".replace("\n", "\r"),
+        f"# phase [deg];k [kN/mm]\n{rows}",
+        f'"phase [deg]";"k [kN/mm]"\n{rows}',
+        "phase [deg],k [kN/mm]\n" + '"' + rows.replace(".", ",").replace(";", '","').replace("\n", '"\n"') + '"',
+        f"phase [deg];k [kN/mm];\n{rows.replace(chr(10), ';' + chr(10))};",
+    )
     for text in texts:
         path.write_text(text, encoding="utf-8", newline="")
         np.testing.assert_allclose(hb.io.read_mesh_table(path).value[:4], 1e6 * CYCLE[1], rtol=1e-12)

@@ -255,8 +255,13 @@ def test_two_pairs_that_meet_between_two_points(stiffness, span):
     size = [brentq(lambda p: np.abs(of(p)).max() - 1, *sorted((0.41, end)), xtol=1e-12) for end in (0.3, 0.52)]
     assert [point.kind for point in curve.special] == ["NS", "NS"]
     np.testing.assert_allclose(sorted(p.parameters["p"] for p in curve.special), size, rtol=0, atol=1e-8)
-    below = trace(Multipliers(meeting(0.41, stiffness, 0.9), inside), "p", span, np.array([span[0]]),
-                  events=[NeimarkSackerEvent(), PeriodDoublingEvent()])  # fmt: skip
+    below = trace(
+        Multipliers(meeting(0.41, stiffness, 0.9), inside),
+        "p",
+        span,
+        np.array([span[0]]),
+        events=[NeimarkSackerEvent(), PeriodDoublingEvent()],
+    )
     assert below.special == ()
 
 
@@ -270,8 +275,10 @@ def test_the_longest_floquet_step_is_a_share_of_the_excitation_period(nu):
     base = HarmonicBalance(SpurPair(zeta=0.1, eps=(0.0,) * 5 + (0.4,), e=(0.02,)), 10)
     X, here = base.start(3.0), {"Omega": 3.0, "points": 3, "max_step": 100.0}
     wide = base.with_order(nu)
-    mu, powers = (np.sort_complex(x) for x in (
-        wide.multipliers(wide.from_layout(X, base.layout), **here), base.multipliers(X, **here) ** nu))  # fmt: skip
+    mu, powers = (
+        np.sort_complex(x)
+        for x in (wide.multipliers(wide.from_layout(X, base.layout), **here), base.multipliers(X, **here) ** nu)
+    )
     fine = np.sort_complex(base.multipliers(X, Omega=3.0, points=8, max_step=0.05) ** nu)
     np.testing.assert_allclose(mu, powers, rtol=0, atol=1e-12)
     assert np.abs(powers - fine).max() > 1e-9  # the steps cause a larger error, so other steps would be detected

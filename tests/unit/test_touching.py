@@ -181,9 +181,18 @@ def test_a_point_on_either_side_replaces_a_special_point():
 
 @pytest.mark.parametrize(
     ("rate", "error", "side"),
-    [(0.1, 0.0, 0.38), (0.1, 0.6e-3, 0.38), (0.1, 0.7e-3, 0.34), (0.1, 1.9e-3, 0.34), (0.1, 2.1e-3, 0.22),
-     (0.1, 0.1, 0.22), (5.1e-5, 0.0, 0.38), (4.9e-5, 0.0, 0.34), (math.nan, 0.0, 0.38)],
-)  # fmt: skip
+    [
+        (0.1, 0.0, 0.38),
+        (0.1, 0.6e-3, 0.38),
+        (0.1, 0.7e-3, 0.34),
+        (0.1, 1.9e-3, 0.34),
+        (0.1, 2.1e-3, 0.22),
+        (0.1, 0.1, 0.22),
+        (5.1e-5, 0.0, 0.38),
+        (4.9e-5, 0.0, 0.34),
+        (math.nan, 0.0, 0.38),
+    ],
+)
 def test_the_next_larger_distance_where_a_multiplier_is_too_close_to_the_circle(rate, error, side):
     """The multiplier is 1 + rate |p - 0.4|, compared with three times the error at the special point, or with 1e-6."""
     points, event = [at(p) for p in (0.0, 1.0)], Given("PD", sides=True)
@@ -195,9 +204,10 @@ def test_the_next_larger_distance_where_a_multiplier_is_too_close_to_the_circle(
     assert path.points[1].value == pytest.approx(side, abs=1e-12)
     if side > 0.22:  # the second point cannot be found, so the first one stays
         path = SampledCurve.through(
-            points, {(0, 0.4): special(event, 0.4, multipliers=[0.5, -1 - 0.1])},
+            points,
+            {(0, 0.4): special(event, 0.4, multipliers=[0.5, -1 - 0.1])},
             lambda segment, s: between(segment, s) if abs(s - 0.4) < 0.05 else None,
-        )  # fmt: skip
+        )
         assert [point.value for point in path.points] == pytest.approx([0.0, 0.38, 0.43, 1.0])
 
 
@@ -209,8 +219,10 @@ def test_candidates_of_the_sampled_curve_and_of_the_curve():
     path = SampledCurve.through(points, {(0, 0.4): special(Given(), 0.4)}, None)
     found = path.near_zero_candidates(detector_of(one, two), points, np.ones(2))
     assert {k: [(event.kind, round(s, 9)) for event, s in some] for k, some in found.items()} == {
-        1: [("one", 0.5), ("one", round(0.37 / 0.6, 9)), ("two", 0.5)], 0: [("one", 0.25)], 2: [("one", 0.3)]
-    }  # fmt: skip
+        1: [("one", 0.5), ("one", round(0.37 / 0.6, 9)), ("two", 0.5)],
+        0: [("one", 0.25)],
+        2: [("one", 0.3)],
+    }
     alone = SampledCurve.through(points, {}, None)
     assert alone.near_zero_candidates(detector_of(two), points, np.ones(2)) == {0: [(two, 0.7)]}
 
@@ -247,11 +259,16 @@ def test_sign_changes_that_known_special_points_do_not_explain(kind, sides, chan
 @pytest.mark.parametrize(
     ("changes", "expected"),
     [
-        ([0, 1, 0, 0, 0, 0], {}), ([0, 2, 0, 0, 0, 0], {0: [1]}), ([0, 1, 1, 0, 0, 0], {0: [2]}),
-        ([1, 0, 0, 0, 0, 0], {}), ([1, 0, 0, 1, 0, 0], {0: [3]}), ([0, 0, 1, 1, 0, 0], {0: [3]}),
-        ([0, 0, 0, 0, 1, 0], {1: [4]}), ([0, 0, 0, 1, 1, 0], {1: [4]}),
+        ([0, 1, 0, 0, 0, 0], {}),
+        ([0, 2, 0, 0, 0, 0], {0: [1]}),
+        ([0, 1, 1, 0, 0, 0], {0: [2]}),
+        ([1, 0, 0, 0, 0, 0], {}),
+        ([1, 0, 0, 1, 0, 0], {0: [3]}),
+        ([0, 0, 1, 1, 0, 0], {0: [3]}),
+        ([0, 0, 0, 0, 1, 0], {1: [4]}),
+        ([0, 0, 0, 1, 1, 0], {1: [4]}),
     ],
-)  # fmt: skip
+)
 def test_the_sign_change_of_a_replaced_special_point(changes, expected):
     """It is expected between the points at 0.38 and 0.42, or on the nearest part of the segment with a sign change."""
     positions = [(0, 0.0), (0, 0.38), (0, 0.42), (0, 0.6), (1, 0.0), (2, 0.0), (3, 0.0)]

@@ -147,8 +147,9 @@ def test_a_mesh_of_a_pair_has_the_static_torque_of_the_train(file):
     found = read_train(file)
     assert found.meshes[0].k_mean == pytest.approx(train.meshes[0].k_mean, rel=1e-12)
     assert found.meshes[0].torque == pytest.approx(100.0) and found.mesh_torques == {
-        "in-middle": pytest.approx(100.0), "middle-out": pytest.approx(120.0)
-    }  # fmt: skip
+        "in-middle": pytest.approx(100.0),
+        "middle-out": pytest.approx(120.0),
+    }
     file.write_text(SHARED)
     assert set(read_train(file).mesh_torques.values()) == {None}
     file.write_text(SHARED.replace('torque = "150 N m"\n', "", 1))
@@ -365,8 +366,12 @@ def test_a_file_with_a_carrier_is_an_epicyclic_set(file):
 def drawn_set(first: str = "", second: str = "") -> str:
     """The epicyclic set of drawings, with lines of the two meshes."""
     module = "1.3846153846 mm"
-    gears = (("sun", 24, "2 mm", ""), ("large", 30, "2 mm", 'x = "54 mm"'), ("small", 18, module, 'x = "54 mm"'),
-             ("ring", 96, module, ""))  # fmt: skip
+    gears = (
+        ("sun", 24, "2 mm", ""),
+        ("large", 30, "2 mm", 'x = "54 mm"'),
+        ("small", 18, module, 'x = "54 mm"'),
+        ("ring", 96, module, ""),
+    )
     text = EPICYCLIC[: EPICYCLIC.index("[[wheel]]")]
     for name, teeth, module, place in gears:
         gear = f'teeth = {teeth}, module = "{module}", face_width = "20 mm", internal = {str(name == "ring").lower()}'
@@ -523,21 +528,34 @@ def rotor(tmp_path):
 
 def test_a_file_of_all_that_a_train_may_have(rotor, tmp_path):
     train = read_train(rotor)
-    wheels = [hb.gears.Wheel("in", 1e-3, 1.5, teeth=20, base_radius=0.028, moves="space", torque=100.0),
-              hb.gears.Wheel("out", 4e-3, 4.0, teeth=40, base_radius=0.056, moves="space", unbalance=2e-4),
-              hb.gears.Wheel("mill", 0.05, 9.0, moves="space", z=0.3)]  # fmt: skip
+    wheels = [
+        hb.gears.Wheel("in", 1e-3, 1.5, teeth=20, base_radius=0.028, moves="space", torque=100.0),
+        hb.gears.Wheel("out", 4e-3, 4.0, teeth=40, base_radius=0.056, moves="space", unbalance=2e-4),
+        hb.gears.Wheel("mill", 0.05, 9.0, moves="space", z=0.3),
+    ]
     table = hb.mechanics.MatrixTable([2 * np.pi, 2000.0], [[[1e8, 0.0], [0.0, 1e8]], [[2e8, 1e6], [-1e6, 2e8]]])
     bearings = [
         hb.gears.Bearing("in", 2e8, 2e8, 1e8, 1e5, 1e5, clearance=2e-5),
         hb.gears.Bearing("mill", z=1e8, table=table),
         hb.gears.Bearing("out", 3e8, 3e8),
     ]
-    housing = hb.gears.Housing(np.diag([20.0, 30.0]), np.diag([1e9, 2e9]), None, ["left", "right"],
-                         {"in": {"y": "left"}, "mill": {"x": "right"}})  # fmt: skip
+    housing = hb.gears.Housing(
+        np.diag([20.0, 30.0]),
+        np.diag([1e9, 2e9]),
+        None,
+        ["left", "right"],
+        {"in": {"y": "left"}, "mill": {"x": "right"}},
+    )
     made = hb.gears.Train(
-        wheels, [hb.gears.Mesh("in", "out", 4e8, 4e-5, eps=(0.2,), direction=0.0)], (), bearings, "mill", True,
-        beams=[hb.gears.Beam("out", "mill", 0.04, elements=2)], housing=housing,
-    )  # fmt: skip
+        wheels,
+        [hb.gears.Mesh("in", "out", 4e8, 4e-5, eps=(0.2,), direction=0.0)],
+        (),
+        bearings,
+        "mill",
+        True,
+        beams=[hb.gears.Beam("out", "mill", 0.04, elements=2)],
+        housing=housing,
+    )
     assert describe(train) == describe(made)
     assert train.orders["out"] == 1.0 and train.orders["in-out"] == 40.0
     problem = hb.HarmonicBalance(train, 42)

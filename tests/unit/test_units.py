@@ -27,12 +27,24 @@ class Thing:
 
 @pytest.mark.parametrize(
     ("value", "unit", "number"),
-    [("3 mm", "m", 0.003), ("3mm", "m", 0.003), ("80 µm", "m", 80e-6), ("80um", "m", 80e-6), (0.25, "m", 0.25),
-     ("200 Nm", "N m", 200.0), ("200 N m", "N m", 200.0), ("0.2 kN*m", "N m", 200.0),
-     ("90 deg", "rad", 1.5707963267949),
-     ("1 inch", "m", 0.0254), ("5 %", "", 0.05), ("206 GPa", "Pa", 206e9), ("3e8 N/m", "N/m", 3e8),
-     ("60 r/min", "rad/s", 6.28318530717959), ("-12 deg", "rad", -0.20943951023932)],
-)  # fmt: skip
+    [
+        ("3 mm", "m", 0.003),
+        ("3mm", "m", 0.003),
+        ("80 µm", "m", 80e-6),
+        ("80um", "m", 80e-6),
+        (0.25, "m", 0.25),
+        ("200 Nm", "N m", 200.0),
+        ("200 N m", "N m", 200.0),
+        ("0.2 kN*m", "N m", 200.0),
+        ("90 deg", "rad", 1.5707963267949),
+        ("1 inch", "m", 0.0254),
+        ("5 %", "", 0.05),
+        ("206 GPa", "Pa", 206e9),
+        ("3e8 N/m", "N/m", 3e8),
+        ("60 r/min", "rad/s", 6.28318530717959),
+        ("-12 deg", "rad", -0.20943951023932),
+    ],
+)
 def test_quantities_are_read(value, unit, number):
     assert to_si("x", "y", value, unit) == pytest.approx(number, rel=1e-14)
 
@@ -45,12 +57,23 @@ def test_a_pint_quantity_is_read():
 
 @pytest.mark.parametrize(
     ("value", "unit", "said"),
-    [("3", "m", "has no unit"), ("3 kg", "m", "must be a quantity in m"), ("three", "m", "must be a quantity in m"),
-     ("mm", "m", "must be a quantity in m"), ("9e9**9e9 m", "m", "must be a quantity"),
-     ("3 mm", "", "must be a number"), ("2,5 mm", "m", "must be a quantity in m.*; the decimal mark is a point"),
-     (float("nan"), "m", "finite"), (True, "m", "finite"), (None, "m", "finite"), ("", "m", "must be a quantity"),
-     ("1e999 m", "m", "finite"), ("3 mm; 4", "m", "must be a quantity"), ([1], "m", "finite")],
-)  # fmt: skip
+    [
+        ("3", "m", "has no unit"),
+        ("3 kg", "m", "must be a quantity in m"),
+        ("three", "m", "must be a quantity in m"),
+        ("mm", "m", "must be a quantity in m"),
+        ("9e9**9e9 m", "m", "must be a quantity"),
+        ("3 mm", "", "must be a number"),
+        ("2,5 mm", "m", "must be a quantity in m.*; the decimal mark is a point"),
+        (float("nan"), "m", "finite"),
+        (True, "m", "finite"),
+        (None, "m", "finite"),
+        ("", "m", "must be a quantity"),
+        ("1e999 m", "m", "finite"),
+        ("3 mm; 4", "m", "must be a quantity"),
+        ([1], "m", "finite"),
+    ],
+)
 def test_invalid_quantities_are_refused(value, unit, said):
     with pytest.raises(ValueError, match=said):
         to_si("x", "y", value, unit)

@@ -60,8 +60,16 @@ class BackboneStarts:
         curves = []
         for mode in range(1, MODES + 1):
             with suppress(*SEARCH_ERRORS):
-                curve = backbone(self.problem.model, mode, (low, high), harmonics=H, stability=False, special=False,
-                                 accuracy=None, steps=_STEPS)  # fmt: skip
+                curve = backbone(
+                    self.problem.model,
+                    mode,
+                    (low, high),
+                    harmonics=H,
+                    stability=False,
+                    special=False,
+                    accuracy=None,
+                    steps=_STEPS,
+                )
                 curves.append(raise_if_interrupted(curve))
         return curves
 

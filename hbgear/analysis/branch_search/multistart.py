@@ -305,10 +305,18 @@ class _Search:
             for end in span:
                 if end == value:
                     continue
-                curve = raise_if_interrupted(trace(
-                    self.problem, name, (value, end), X, at={"Omega": Omega}, steps=self.steps,
-                    stability=False, special=False,
-                ))  # fmt: skip
+                curve = raise_if_interrupted(
+                    trace(
+                        self.problem,
+                        name,
+                        (value, end),
+                        X,
+                        at={"Omega": Omega},
+                        steps=self.steps,
+                        stability=False,
+                        special=False,
+                    )
+                )
                 last = curve.X[-1]
                 # the branch returned to the value of the model with another motion
                 if curve.status == Status.LEFT_SPAN and not any(same_solution(last, Y) for Y in pending):

@@ -120,9 +120,10 @@ class Certificate:
         contacts = f"{count} transversal contact instants" if count else "no contact instants"
         rest = "all multipliers" if self.kind in ("motion", "GR") else "all other multipliers"
         stability = {
-            True: f"{rest} lie inside the unit circle", False: "a multiplier lies outside of the unit circle",
+            True: f"{rest} lie inside the unit circle",
+            False: "a multiplier lies outside of the unit circle",
             None: "it is not proved where the multipliers lie",
-        }[self.stable]  # fmt: skip
+        }[self.stable]
         return (
             f"Proved: the equations have exactly one periodic motion{special} {region} in a box of relative half width "
             f"{self.uniqueness:.0e}; it has {contacts} in a period of {self.claim['equations']['nu']} x 2 pi, every "
@@ -159,9 +160,10 @@ class Certificate:
             raise ValueError(f"the certificate is damaged ({type(error).__name__}: {error})") from None
         if not self._follows_from(proved):
             raise NotCertifiedError(
-                "stated numbers", f"the proof gives a {NAMES[proved.kind]} with Omega between {proved.Omega[0]} and "
-                f"{proved.Omega[1]}, and not all numbers that the certificate states; certify the point again"
-            )  # fmt: skip
+                "stated numbers",
+                f"the proof gives a {NAMES[proved.kind]} with Omega between {proved.Omega[0]} and "
+                f"{proved.Omega[1]}, and not all numbers that the certificate states; certify the point again",
+            )
         return proved
 
     def _follows_from(self, proved: Certificate) -> bool:
@@ -170,12 +172,15 @@ class Certificate:
         discs = zip(self.multipliers, proved.multipliers, strict=False)
         counts = len(self.instants) == len(proved.instants) and len(self.multipliers) == len(proved.multipliers)
         same = counts and (self.kind, self.stable) == (proved.kind, proved.stable)
-        return same and self.uniqueness <= proved.uniqueness and all(
-            Fraction(low) <= Fraction(x) and Fraction(y) <= Fraction(high) for (low, high), (x, y) in intervals
-        ) and all(
-            abs(Fraction(x) - Fraction(a)) + abs(Fraction(y) - Fraction(b)) + Fraction(r) <= Fraction(radius)
-            for (x, y, radius), (a, b, r) in discs
-        )  # fmt: skip
+        return (
+            same
+            and self.uniqueness <= proved.uniqueness
+            and all(Fraction(low) <= Fraction(x) and Fraction(y) <= Fraction(high) for (low, high), (x, y) in intervals)
+            and all(
+                abs(Fraction(x) - Fraction(a)) + abs(Fraction(y) - Fraction(b)) + Fraction(r) <= Fraction(radius)
+                for (x, y, radius), (a, b, r) in discs
+            )
+        )
 
     @staticmethod
     def of(claim: dict[str, Any], label: str) -> Certificate:
@@ -226,11 +231,18 @@ class Certificate:
     def to_dict(self) -> dict[str, Any]:
         """Return the certificate as plain data."""
         return {
-            "format": FORMAT, "kind": self.kind, "label": self.label, "statement": self.statement,
-            "assumptions": self.assumptions, "Omega": list(self.Omega), "instants": [list(x) for x in self.instants],
-            "multipliers": [list(x) for x in self.multipliers], "stable": self.stable, "uniqueness": self.uniqueness,
+            "format": FORMAT,
+            "kind": self.kind,
+            "label": self.label,
+            "statement": self.statement,
+            "assumptions": self.assumptions,
+            "Omega": list(self.Omega),
+            "instants": [list(x) for x in self.instants],
+            "multipliers": [list(x) for x in self.multipliers],
+            "stable": self.stable,
+            "uniqueness": self.uniqueness,
             "claim": self.claim,
-        }  # fmt: skip
+        }
 
     @staticmethod
     def from_dict(data: dict[str, Any]) -> Certificate:
@@ -246,11 +258,15 @@ class Certificate:
             raise ValueError(f"format = {shortened(repr(file_format))}: need '{FORMAT}'")
         try:
             certificate = Certificate(
-                kind=data["kind"], label=str(data["label"]), Omega=_decimals(data["Omega"], 2),
+                kind=data["kind"],
+                label=str(data["label"]),
+                Omega=_decimals(data["Omega"], 2),
                 instants=tuple(_decimals(bounds, 2) for bounds in data["instants"]),
                 multipliers=tuple(_decimals(bounds, 3) for bounds in data["multipliers"]),
-                stable=data["stable"], uniqueness=float(data["uniqueness"]), claim=dict(data["claim"]),
-            )  # fmt: skip
+                stable=data["stable"],
+                uniqueness=float(data["uniqueness"]),
+                claim=dict(data["claim"]),
+            )
             _ = NAMES[certificate.kind], certificate.statement  # which needs the rest of the data
         except (KeyError, TypeError, InvalidOperation, ValueError) as error:
             raise ValueError(f"the certificate is damaged ({type(error).__name__}: {error})") from None

@@ -148,10 +148,16 @@ def _claim(system: BallSystem, start: Start, kind: str, point_Omega: float) -> d
     center = [x.str(DIGITS, radius=False) for x in solution]
     radius = [decimal(float(s) * smallest) for s in scales]
     return {
-        "kind": kind, "equations": system.data, "order": start.order.describe(), "Omega": prescribed,
-        "functional": functional, "center": center, "radius": radius, "relative": decimal(smallest),
+        "kind": kind,
+        "equations": system.data,
+        "order": start.order.describe(),
+        "Omega": prescribed,
+        "functional": functional,
+        "center": center,
+        "radius": radius,
+        "relative": decimal(smallest),
         "factor": decimal(largest / smallest),
-    }  # fmt: skip
+    }
 
 
 def _null_vector(equations: PointEquations, start: Start) -> Array:
@@ -199,10 +205,14 @@ def _start(local: EquationsAt, iterate: Iterate, kind: str) -> Start:
     ]
     z = np.concatenate([x.ravel(), iterate.tau[free], [] if kind == "motion" else [local.Omega], grazing_phases])
     size = np.array([max(np.abs(x[:, part]).max(), 1e-300) for part in (slice(None, n), slice(n, None))])
-    scales = np.concatenate([
-        np.tile(np.repeat(size, n), len(x)), np.ones(len(free)), [] if kind == "motion" else [local.Omega],
-        np.ones(len(grazing_phases)),
-    ])  # fmt: skip
+    scales = np.concatenate(
+        [
+            np.tile(np.repeat(size, n), len(x)),
+            np.ones(len(free)),
+            [] if kind == "motion" else [local.Omega],
+            np.ones(len(grazing_phases)),
+        ]
+    )
     return Start(ContactOrder(pattern, tuple(turns), contact), z, scales, local.Omega)
 
 
@@ -252,9 +262,10 @@ def _nearest_extremum(local: EquationsAt, iterate: Iterate) -> tuple[float, int,
     touching = [extrema[i][0] for i in np.argsort(distances) if distances[i] <= distances.min() + SAME_DISTANCE * size]
     (t, switch), *others = touching
     several = [
-        other for other in others
+        other
+        for other in others
         if other.switch != switch or abs(math.remainder(other.t - t, local.period)) > SAME_INSTANT
-    ]  # fmt: skip
+    ]
     if several:
         names = ", ".join(sorted({local.equations.system.elements[one.switch.element].name for one in touching}))
         raise NotCertifiedError("grazing", f"contacts of {names} graze at once, as in a symmetric machine; need one")

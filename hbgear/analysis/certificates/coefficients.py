@@ -40,12 +40,14 @@ def coefficients_of(equations: Equations) -> dict[str, Any]:
     _require_provable(system)
     sections = [decimal(x) for x in equations.starts] if any(e.law.phases for e in system.elements) else []
     return {
-        "M": _matrix(system.M), "C": _matrix(system.C), "K": _matrix(system.K),
+        "M": _matrix(system.M),
+        "C": _matrix(system.C),
+        "K": _matrix(system.K),
         "elements": [_element(e) for e in system.elements],
         "loads": [_load(load) for load in system.loads],
         "sections": sections,
         "nu": equations.nu,
-    }  # fmt: skip
+    }
 
 
 def _require_provable(system: System) -> None:

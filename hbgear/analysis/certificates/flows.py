@@ -108,9 +108,10 @@ class _Bound:
         self.rate = float((((size + change) @ self.weights) / self.weights).max()) * (1 + 1e-9)
         self.factors = [
             max(float(f.abs_upper() + f1.abs_upper()) / w for f, f1, w in zip(force, force1, self.weights, strict=True))
-            * sum(float(x.abs_upper()) * w for x, w in zip(row, self.weights, strict=True)) * (1 + 1e-9)
+            * sum(float(x.abs_upper()) * w for x, w in zip(row, self.weights, strict=True))
+            * (1 + 1e-9)
             for _, force, force1, row in flow.varying
-        ]  # fmt: skip
+        ]
 
     def coefficient(self, phases: Any, h: Any, y: Any, order: int) -> Any:
         """Return balls that contain the Taylor coefficient of an order at all phases of a step that begins at y."""

@@ -48,9 +48,12 @@ class ContactOrder:
         """Return plain data."""
         first = self.pattern.contacts[-1]
         return {
-            "switches": [list(s) for s in self.pattern.switches], "turns": list(self.turns),
-            "before": list(first.levels), "section": first.section, "grazing": list(self.grazing),
-        }  # fmt: skip
+            "switches": [list(s) for s in self.pattern.switches],
+            "turns": list(self.turns),
+            "before": list(first.levels),
+            "section": first.section,
+            "grazing": list(self.grazing),
+        }
 
     @staticmethod
     def of(data: Any) -> ContactOrder:

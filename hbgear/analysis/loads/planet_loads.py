@@ -88,8 +88,12 @@ def load_sharing(curve: Branch, meshes: Sequence[str] | None = None) -> LoadShar
         raise ValueError(f"load_sharing: need two or more elements that share a load, got {', '.join(names) or 'none'}")
     means = np.array([[p.mean() for p in row] for row in forces])
     signs = np.where(means < 0, -1.0, 1.0)
-    largest = np.array([[(s * p).max() for p, s in zip(row, row_signs, strict=True)]
-                        for row, row_signs in zip(forces, signs, strict=True)])  # fmt: skip
+    largest = np.array(
+        [
+            [(s * p).max() for p, s in zip(row, row_signs, strict=True)]
+            for row, row_signs in zip(forces, signs, strict=True)
+        ]
+    )
     total = np.abs(means).sum(axis=1, keepdims=True)
     if np.any(total <= _MIN_LOAD_RATIO * np.abs(largest).max(initial=0.0)):
         raise ValueError(f"load_sharing: the mean load of {', '.join(names)} is zero; name elements with a mean load")

@@ -114,9 +114,13 @@ def neighbouring_families(problem: ContactInstants, parameter: str, fixed: Mappi
 
 
 def slopes_of_curve(
-    problem: ContactInstants, point: Point, parameters: Mapping[str, float], border: Array, names: Sequence[str],
+    problem: ContactInstants,
+    point: Point,
+    parameters: Mapping[str, float],
+    border: Array,
+    names: Sequence[str],
     families: NeighbouringFamilies,
-) -> tuple[Array, Slopes]:  # fmt: skip
+) -> tuple[Array, Slopes]:
     """Return the direction (n + 1,) of a curve, and its displacements across the curve; see `of_curve`.
 
         [F_z; t] dz/da = -[F_a; 0],   dX/da = X_z dz/da + X_a        z instants, states and p, X coefficients, t tangent

@@ -226,8 +226,11 @@ class PointSensitivity:
             return []
         Omega, slopes_by_name = self.parameters["Omega"], {name: slopes for name, _, slopes in rows}
         dOmega = slopes_by_name.get("Omega", np.array([float(name == "Omega") for name in self.names]))
-        return [(unit, Omega * sizes[unit], sizes[unit] * dOmega + Omega * changes[unit]) for unit in (MESH, PINION)
-                if unit in sizes]  # fmt: skip
+        return [
+            (unit, Omega * sizes[unit], sizes[unit] * dOmega + Omega * changes[unit])
+            for unit in (MESH, PINION)
+            if unit in sizes
+        ]
 
     def amplitudes(self, name: str, measure: str, element: int | str, X_a: Array, units: Units) -> list[Row]:
         """Return the amplitude with its derivatives, with `Scales` also in metres."""

@@ -301,8 +301,10 @@ class Ordinate:
         else:
             values = self._quantity(branch)
             if not np.isfinite(values).any():
-                raise ValueError(f"there is no {self.measure} to draw, as the static force is zero; draw another "
-                                 "quantity, such as 'force, largest'")  # fmt: skip
+                raise ValueError(
+                    f"there is no {self.measure} to draw, as the static force is zero; draw another "
+                    "quantity, such as 'force, largest'"
+                )
         self._computed[id(branch)] = branch, values  # the branch is kept, so that its id is not used again
         return values
 

@@ -284,9 +284,14 @@ def element_force(
     """Return samples of the force of the law of an element over a period."""
     compiled, nu = problem.compiled(parameters), problem.nu
     return force_samples(
-        compiled.system.elements, index, lambda j: compiled.piecewise.retained[:, j], problem.rows(X),
-        parameters["Omega"] / nu, nu, count,
-    )  # fmt: skip
+        compiled.system.elements,
+        index,
+        lambda j: compiled.piecewise.retained[:, j],
+        problem.rows(X),
+        parameters["Omega"] / nu,
+        nu,
+        count,
+    )
 
 
 def _columns(
@@ -297,13 +302,17 @@ def _columns(
     models = [problem.model_at(parameters) for parameters in sets]  # the same object if only Omega changes
     scales: list[Any] = [model.scales for model in models]
     has_units = all(model_units is not None for model_units in scales)
-    length, force, rate = (np.array([getattr(model_units, name, 1.0) for model_units in scales])
-                           for name in ("length", "force", "acceleration"))  # fmt: skip
+    length, force, rate = (
+        np.array([getattr(model_units, name, 1.0) for model_units in scales])
+        for name in ("length", "force", "acceleration")
+    )
     Omega_unit, length_unit, force_unit, acceleration_unit = _units(problem.model.labels, has_units)
     speeds = [speeds_at(problem.model, parameters) for parameters in sets]
     columns = {f"Omega [{Omega_unit}]": np.array([parameters["Omega"] for parameters in sets])}
-    columns |= {f"{name.rpartition(' ')[0]} [{name.rpartition(' ')[2]}]": np.array([speed[name] for speed in speeds])
-                for name in (speeds[0] if speeds else ())}  # fmt: skip
+    columns |= {
+        f"{name.rpartition(' ')[0]} [{name.rpartition(' ')[2]}]": np.array([speed[name] for speed in speeds])
+        for name in (speeds[0] if speeds else ())
+    }
     values = np.array([_of_motion(problem, row, parameters, index) for row, parameters in zip(X, sets, strict=True)])
     friction = [_friction(problem, row, set_, index, scale) for row, set_, scale in zip(X, sets, scales, strict=True)]
     is_mesh = are_meshes(problem.model, problem.layout)[index]

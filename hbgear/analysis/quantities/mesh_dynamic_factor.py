@@ -132,9 +132,14 @@ def _forces(elements: Sequence[Element], point: Point, layout: Layout, index: in
 
 
 def force_samples(
-    elements: Sequence[Element], index: int, prescribed: Callable[[int], ComplexArray], rows: Array, rate: float,
-    nu: int, count: int = FORCE_SAMPLES,
-) -> Array:  # fmt: skip
+    elements: Sequence[Element],
+    index: int,
+    prescribed: Callable[[int], ComplexArray],
+    rows: Array,
+    rate: float,
+    nu: int,
+    count: int = FORCE_SAMPLES,
+) -> Array:
     """Return samples (N,) of the force of an element at equidistant phases over the period of its motion.
 
     ``prescribed`` returns the harmonics of the prescribed displacement of an element by its number, as for

@@ -104,9 +104,13 @@ def order_amplitudes(
 
 
 def order_levels(
-    motions: Branch | Point, quantity: str, order: int = 1, element: int | str = 0, dof: int | str | None = None,
+    motions: Branch | Point,
+    quantity: str,
+    order: int = 1,
+    element: int | str = 0,
+    dof: int | str | None = None,
     dimensionless: bool = False,
-) -> Array:  # fmt: skip
+) -> Array:
     """Return the levels of `order_amplitudes` [dB]; the reference is in `level_title`.
 
     With ``dimensionless`` it is one unit of the model although the model has scales.

@@ -46,8 +46,10 @@ def certify(
     curves = [dataclasses.replace(branch, others=()), *branch.others]
     names = points or [
         label_on_curve(number, point)
-        for number, curve in enumerate(curves, 1) for point in curve.special if point.kind in ("LP", "PD", "GR")
-    ]  # fmt: skip
+        for number, curve in enumerate(curves, 1)
+        for point in curve.special
+        if point.kind in ("LP", "PD", "GR")
+    ]
     if output is not None and len(names) != 1:
         raise ValueError(f"--output {output}: {len(names)} points; give one POINT")
     chosen = [(name, point_of(branch, name, "POINT")) for name in names]

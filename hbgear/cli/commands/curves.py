@@ -316,10 +316,18 @@ def plot_command(
     check_writable(path, FIGURES)
     with outputs() as out:
         if chosen is None:
-            out.figure(path, lambda drawing: drawing.responses([branch, *other_curves], measure, element,
-                                                               dimensionless=dimensionless), style)  # fmt: skip
+            out.figure(
+                path,
+                lambda drawing: drawing.responses(
+                    [branch, *other_curves], measure, element, dimensionless=dimensionless
+                ),
+                style,
+            )
         else:
-            out.figure(path, lambda drawing: drawing.portrait(chosen, element, model_of(branch),
-                                                              dimensionless=dimensionless), style)  # fmt: skip
+            out.figure(
+                path,
+                lambda drawing: drawing.portrait(chosen, element, model_of(branch), dimensionless=dimensionless),
+                style,
+            )
             names, texts = position_headers(branch, dimensionless), position_texts(branch, chosen, dimensionless)
             print_text("point at " + ", ".join(f"{name} = {text}" for name, text in zip(names, texts, strict=True)))

@@ -49,18 +49,21 @@ def map_command(
         previous = read_map(path, problem, parameter, span, frequencies)
         print(f"continuing from '{path}': {len(previous.curves)} response curves, {len(previous.folds)} fold curves")
     with bar("map") as progress:
-        jump_map = hb.jump_map(problem, parameter, span, frequencies=frequencies, seeds=seeds, progress=progress,
-                            known=previous)  # fmt: skip
+        jump_map = hb.jump_map(
+            problem, parameter, span, frequencies=frequencies, seeds=seeds, progress=progress, known=previous
+        )
     digits = min((digits_of(fold, 6) for fold in jump_map.folds), default=6)
     axis = OmegaAxis.of_ends(jump_map.folds, jump_map.labels.get("Omega", ""), dimensionless)
     low, high = min(frequencies), max(frequencies)
     leaves = {id(arm) for arm in jump_map.arms if arm.Omega.min() < low or arm.Omega.max() > high}
     rows = [
-        [f"{arm.values[0]:.{digits}g} to {arm.values[-1]:.{digits}g}",
-         " to ".join(axis.number(Omega, digits) for Omega in arm.Omega[[0, -1]]) + " *" * (id(arm) in leaves),
-         "increasing" if arm.direction > 0 else "decreasing"]
+        [
+            f"{arm.values[0]:.{digits}g} to {arm.values[-1]:.{digits}g}",
+            " to ".join(axis.number(Omega, digits) for Omega in arm.Omega[[0, -1]]) + " *" * (id(arm) in leaves),
+            "increasing" if arm.direction > 0 else "decreasing",
+        ]
         for arm in sorted(jump_map.arms, key=lambda arm: arm.Omega.min())
-    ]  # fmt: skip
+    ]
     unit = unit_after(problem.model, parameter)
     with outputs() as out:
         out.write(output, jump_map.export)
@@ -68,8 +71,10 @@ def map_command(
             if path:
                 out.write(path, partial(save_map, jump_map))
             kept = f"kept in '{path}'" if path else "complete; with -o FILE.csv they are kept"
-            print(f"{len(jump_map.curves)} response curves and {len(jump_map.folds)} fold curves are {kept}: "
-                  "the same command continues from there")  # fmt: skip
+            print(
+                f"{len(jump_map.curves)} response curves and {len(jump_map.folds)} fold curves are {kept}: "
+                "the same command continues from there"
+            )
         elif path:
             path.unlink(missing_ok=True)
         out.figure(plot, lambda drawing: drawing.jump_map(jump_map, dimensionless=dimensionless))

@@ -103,9 +103,10 @@ def scatter(
     with bar("scatter") as progress:
         jumps = [
             (label_on_curve(number, t), t)
-            for number, curve in enumerate(branch.curves, 1) if curve.jumps()
+            for number, curve in enumerate(branch.curves, 1)
+            if curve.jumps()
             for t in hb.design.jump_tolerance(curve, deviations, draws=draws, unit=unit, progress=progress)
-        ]  # fmt: skip
+        ]
         band = hb.design.response_band(branch, deviations, measure=measure, element=element, unit=unit, length=length)
     with outputs() as out:
         out.figure(plot, lambda drawing: drawing.band(band, sigmas=sigmas))
@@ -118,8 +119,10 @@ def scatter(
                 print(f"{name} has no effect on the curve")
         i = int(np.nanargmax(band.deviation))
         size = f"{measure} = {band.amplitude[i]:.6g}{f' {band.length}' if band.length else ''}"
-        print(f"the curve is displaced most at {band.unit} = {band.frequency[i]:.6g}, {size}: "
-              f"by {sigmas * band.deviation[i]:.2%} of its range for {sigmas:g} standard deviations")  # fmt: skip
+        print(
+            f"the curve is displaced most at {band.unit} = {band.frequency[i]:.6g}, {size}: "
+            f"by {sigmas * band.deviation[i]:.2%} of its range for {sigmas:g} standard deviations"
+        )
 
 
 def fit(
@@ -174,18 +177,23 @@ def fit(
         result = hb.design.fit(problem_of(machine, harmonics), measured, bounds, starts=starts, progress=progress)
     start = machine.parameters | machine.entries
     rows = [
-        [f"{name}{bracketed(unit_of(machine.labels.get(name, '')))}", f"{start[name]:.6g}", f"{x:.6g}",
-         _number_or_dash(result.errors[name], ".2g")]
+        [
+            f"{name}{bracketed(unit_of(machine.labels.get(name, '')))}",
+            f"{start[name]:.6g}",
+            f"{x:.6g}",
+            _number_or_dash(result.errors[name], ".2g"),
+        ]
         for name, x in result.values.items()
-    ]  # fmt: skip
+    ]
     with outputs() as out:
         out.branch(output, result.curve)
         out.figure(plot, lambda drawing: drawing.fitted(result))
         print_table(["", "start", "fitted", "+-"], rows, f"{len(measured)} points and {len(measured.jumps)} jumps")
         pairs = [
             [f"{a}, {b}", _number_or_dash(result.correlation[i, j], "+.3f")]
-            for i, a in enumerate(result.names) for j, b in enumerate(result.names[:i])
-        ]  # fmt: skip
+            for i, a in enumerate(result.names)
+            for j, b in enumerate(result.names[:i])
+        ]
         if pairs:
             print_table(["", "correlation"], pairs)
         if not math.isnan(result.mean_square):
@@ -193,8 +201,10 @@ def fit(
         if measured.assumed:
             from hbgear.design.fitting.measurements import DEFAULT_DEVIATION
 
-            print_text(f"The file has no deviations: {DEFAULT_DEVIATION:.0%} of each amplitude is assumed, and the "
-                       "uncertainties follow from the residuals.")  # fmt: skip
+            print_text(
+                f"The file has no deviations: {DEFAULT_DEVIATION:.0%} of each amplitude is assumed, and the "
+                "uncertainties follow from the residuals."
+            )
         for warning in result.warnings:
             print(f"warning: {warning}")
     finish(result)
@@ -266,9 +276,17 @@ def redesign(
     )
     with bar("redesign") as progress:
         result = hb.design.redesign(
-            problem, goal, list(ranges), within, scatter=None if draws else spread, sigmas=sigmas, tolerances=sample,
-            share=fraction, span=span, progress=progress,
-        )  # fmt: skip
+            problem,
+            goal,
+            list(ranges),
+            within,
+            scatter=None if draws else spread,
+            sigmas=sigmas,
+            tolerances=sample,
+            share=fraction,
+            span=span,
+            progress=progress,
+        )
     nominal = problem.model.parameters | problem.model.entries
     rows = [
         [name, f"{nominal[name]:.6g}", f"{x:.6g}", f"{result.changes[name]:+.2%}"] for name, x in result.values.items()
@@ -311,10 +329,17 @@ def _bounds(model: hb.mechanics.Model, text: str) -> tuple[str, tuple[float, flo
 def _print_scatter(jumps: list[tuple[str, hb.design.JumpTolerance]], draws: int) -> None:
     """Print the standard deviation of each jump, given with its label, and the draws in which it vanishes."""
     rows = [
-        [label, "increasing" if t.direction > 0 else "decreasing", f"{t.value:.6g}", f"{t.first:.3g}",
-         _number_or_dash(t.sampled, ".3g"), str(t.lost), *(f"{effect:+.3g}" for effect in t.effects.values())]
+        [
+            label,
+            "increasing" if t.direction > 0 else "decreasing",
+            f"{t.value:.6g}",
+            f"{t.first:.3g}",
+            _number_or_dash(t.sampled, ".3g"),
+            str(t.lost),
+            *(f"{effect:+.3g}" for effect in t.effects.values()),
+        ]
         for label, t in jumps
-    ]  # fmt: skip
+    ]
     title = f"standard deviation of each jump: first order, {draws} draws, and contribution of each parameter"
     print_table(["jump", "sweep", jumps[0][1].unit, "+-", "drawn", "lost", *jumps[0][1].effects], rows, title)
     for label, t in jumps:

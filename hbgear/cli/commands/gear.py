@@ -127,10 +127,23 @@ def gear(
     plot = plot or Path(f"gear-{teeth[0]}-{abs(teeth[1])}.png")
     check_writable(plot, FIGURES)
     machine = _machine(
-        teeth, module, width, torque, backlash, damping or str(DEFAULT_DAMPING), helix, pressure,
-        _two_values("--shift", shift, float, "0.2,0"), relief, measure, mesh,
-        torque_orders, friction, runout, rack,
-    )  # fmt: skip
+        teeth,
+        module,
+        width,
+        torque,
+        backlash,
+        damping or str(DEFAULT_DAMPING),
+        helix,
+        pressure,
+        _two_values("--shift", shift, float, "0.2,0"),
+        relief,
+        measure,
+        mesh,
+        torque_orders,
+        friction,
+        runout,
+        rack,
+    )
     with without_contact_warning():
         curve = _trace_and_report(machine, harmonics_of(harmonics), damping is None, output, plot, dimensionless)
     raise typer.Exit(exit_code(curve))
@@ -195,8 +208,9 @@ def speed(
         if is_pair:
             show_assumptions(cast("DrawnPair", model), curve, count, shown)
         elif is_limited:
-            print_text("not included: motions that are reached from speeds outside this range, and those of twice "
-                       "the period")  # fmt: skip
+            print_text(
+                "not included: motions that are reached from speeds outside this range, and those of twice the period"
+            )
         print_text(recommendation(model, curve, other_ranges=other_ranges, shown=shown))
     raise typer.Exit(exit_code(curve))
 
@@ -229,8 +243,10 @@ def results(
         out.write(output, quantities.save)
         together = dataclasses.replace(curves[0], others=tuple(curves[1:]))
         out.figure(plot, lambda drawing: drawing.response(together, quantity, element, dof=axis))
-        print_table(["quantity", "largest of stable motions", f"at {position_headers(branch)[0]}"],
-                    list(_largest(curves, quantities, element, axis)))  # fmt: skip
+        print_table(
+            ["quantity", "largest of stable motions", f"at {position_headers(branch)[0]}"],
+            list(_largest(curves, quantities, element, axis)),
+        )
         rows = []
         for number, landed in enumerate(landings(curves), 1):
             for jump in (landing.jump for landing in landed):
@@ -239,9 +255,15 @@ def results(
                     for end in (jump.before, jump.after)
                 )
                 direction = "increasing" if jump.direction > 0 else "decreasing"
-                rows.append([label_on_curve(number, jump), position_texts(branch, jump.before)[0], direction,
-                             *(rounded(end, 4) if np.isfinite(end) else "-" for end in ends),
-                             jump.landing_description])  # fmt: skip
+                rows.append(
+                    [
+                        label_on_curve(number, jump),
+                        position_texts(branch, jump.before)[0],
+                        direction,
+                        *(rounded(end, 4) if np.isfinite(end) else "-" for end in ends),
+                        jump.landing_description,
+                    ]
+                )
         if rows:
             headers = ["", position_headers(branch)[0], "sweep", f"{title} before", "after", "landing"]
             print_table(headers, rows, "jumps of a slow sweep")
@@ -352,16 +374,31 @@ def _trace_and_report(
         helpful = [(f"tip relief of {row[0].partition(': ')[2]} on both gears", _number_in(row[1])) for row in reliefs]
         print_text(recommendation(model, curve, helpful, _number_in(first[1]), other_ranges))
         if not works:
-            print_text("With torque orders, run-out or pitch errors of single teeth, other assumptions and motions of "
-                       "twice the period are not computed: every curve takes minutes.")  # fmt: skip
+            print_text(
+                "With torque orders, run-out or pitch errors of single teeth, other assumptions and motions of "
+                "twice the period are not computed: every curve takes minutes."
+            )
     return curve
 
 
 def _machine(
-    teeth: tuple[int, int], module: str, width: str, torque: str, backlash: str, damping: str, helix: str,
-    pressure: str, shift: tuple[float, float], relief: str, measure: str, mesh: str | None,
-    torque_orders: str | None, friction: str | None, runout: str, rack: bool,
-) -> Machine:  # fmt: skip
+    teeth: tuple[int, int],
+    module: str,
+    width: str,
+    torque: str,
+    backlash: str,
+    damping: str,
+    helix: str,
+    pressure: str,
+    shift: tuple[float, float],
+    relief: str,
+    measure: str,
+    mesh: str | None,
+    torque_orders: str | None,
+    friction: str | None,
+    runout: str,
+    rack: bool,
+) -> Machine:
     """Return the machine of the options of ``hbgear gear``; a ring has a negative number of teeth."""
     from hbgear.common.units import to_si
     from hbgear.gears.mesh.mesh_models import MESHES
@@ -385,9 +422,13 @@ def _machine(
         raise ValueError(f"--mesh {mesh}: must be one of {', '.join(MESHES)}")
     orders = parse_torque_orders("--torque-orders", torque_orders) if torque_orders else ()
     return Machine(
-        pair, to_si("--torque", "torque", torque, "N m"), zeta, mesh_model=cast(Any, mesh), torque_orders=orders,
+        pair,
+        to_si("--torque", "torque", torque, "N m"),
+        zeta,
+        mesh_model=cast(Any, mesh),
+        torque_orders=orders,
         friction=COEFFICIENT.read("--friction", _plain(friction or "0")),
-    )  # fmt: skip
+    )
 
 
 def _plain(text: str) -> Any:

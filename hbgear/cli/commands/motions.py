@@ -65,8 +65,10 @@ def backbone(
         unit = "" if length is None else " [um]"
         print_table([axis.name, "damping ratio", f"{measure}{unit}"], rows)
         if stability.changes:
-            changed = [[axis.number(change.Omega), f"{factor_of('rms', length) * change.amplitude:.5g}", change.kind]
-                        for change in stability.changes]  # fmt: skip
+            changed = [
+                [axis.number(change.Omega), f"{factor_of('rms', length) * change.amplitude:.5g}", change.kind]
+                for change in stability.changes
+            ]
             print_table([axis.name, f"rms of all elements{unit}", "multipliers"], changed, "changes of stability")
         elif "stable" in stability.states and "unstable" not in stability.states:
             print("all motions without dissipation are stable")

@@ -24,20 +24,24 @@ def campbell(
     last: options.Last = None,
     order: Annotated[
         list[str] | None,
-        typer.Option("--order", metavar="NAME=ORDER", help="Order relative to Omega, such as shaft=0.04; repeatable.",
-                     show_default="from the model"),
+        typer.Option(
+            "--order",
+            metavar="NAME=ORDER",
+            help="Order relative to Omega, such as shaft=0.04; repeatable.",
+            show_default="from the model",
+        ),
     ] = None,
     points: Annotated[int, typer.Option(min=2, max=10_000, help="Number of speeds.")] = 101,
     modes: Annotated[int | None, typer.Option(min=1, help="Number of lowest modes; all by default.")] = None,
     closed: Annotated[
-        list[str] | None, typer.Option("--closed", metavar="NAME", help="An element in contact; repeatable."),
+        list[str] | None, typer.Option("--closed", metavar="NAME", help="An element in contact; repeatable.")
     ] = None,
     opened: Annotated[
-        list[str] | None, typer.Option("--open", metavar="NAME", help="An element whose gap is open; repeatable."),
+        list[str] | None, typer.Option("--open", metavar="NAME", help="An element whose gap is open; repeatable.")
     ] = None,
     plot: options.Figure = None,
     dimensionless: options.Dimensionless = False,
-) -> None:  # fmt: skip
+) -> None:
     """Compute natural frequencies against speed, and critical speeds, where excitation orders cross them.
 
     Gaps are open or closed as in the static equilibrium under the mean loads; --closed and --open change single
@@ -68,13 +72,17 @@ def campbell(
         ]
         unit = units.get(MESH, 1.0)
         rows = [
-            ["mesh" if speed.order == "Omega" and axis.is_speed else speed.order,
-             str(speed.mode), *([f"{speed.Omega:.6g}"] if dimensionless or not units else []),
-             *(f"{speed.Omega * units[name]:.6g}" for name in units),
-             f"{speed.frequency * unit:.6g}", f"{speed.damping + 0.0:.4g}",
-             *([whirl_word(speed.whirl)] if whirls else [])]
+            [
+                "mesh" if speed.order == "Omega" and axis.is_speed else speed.order,
+                str(speed.mode),
+                *([f"{speed.Omega:.6g}"] if dimensionless or not units else []),
+                *(f"{speed.Omega * units[name]:.6g}" for name in units),
+                f"{speed.frequency * unit:.6g}",
+                f"{speed.damping + 0.0:.4g}",
+                *([whirl_word(speed.whirl)] if whirls else []),
+            ]
             for speed in diagram.critical
-        ]  # fmt: skip
+        ]
         if rows:
             print_table(headers, rows, "critical speeds")
         else:

@@ -62,10 +62,13 @@ def _print(
         name for name in shares[quantity] if any(not abs(share[name]) < SHARE_ROUNDING for share in shares.values())
     ]
     rows = [
-        [_with_unit(name, labels), f"{result.values[result.parameters.index(name)]:.6g}",
-         *(_percent_text(shares[q][name]) for q in names)]
+        [
+            _with_unit(name, labels),
+            f"{result.values[result.parameters.index(name)]:.6g}",
+            *(_percent_text(shares[q][name]) for q in names),
+        ]
         for name in affecting[:max_rows]
-    ]  # fmt: skip
+    ]
     name, factor = printed[quantity]
     title = f"percent per percent of a parameter, by {name}"
     print_table(["", "value", *(printed[q][0] for q in names)], rows, title)

@@ -76,10 +76,21 @@ def study(
     folder = output or file.with_suffix("")
     with dask_executor(dask, tls_ca_file, tls_cert, tls_key) as executor, bar("designs") as progress:
         results = cases(
-            parsed.model, parsed.vary, work.compute, critical=work.critical, harmonics=work.harmonics, span=work.span,
-            measure=work.measure, element=work.element, store=folder, executor=executor, processes=processes,
-            retry=retry, most=max(count, MANY), progress=progress,
-        )  # fmt: skip
+            parsed.model,
+            parsed.vary,
+            work.compute,
+            critical=work.critical,
+            harmonics=work.harmonics,
+            span=work.span,
+            measure=work.measure,
+            element=work.element,
+            store=folder,
+            executor=executor,
+            processes=processes,
+            retry=retry,
+            most=max(count, MANY),
+            progress=progress,
+        )
     print(f"{len(results)} of {results.total} cases, {len(results.failed)} of them failed; {results.message}")
     if getattr(parsed.vary, "method", "") == "saltelli":
         _print_indices(results)
@@ -111,8 +122,10 @@ def _print_indices(results: Cases) -> None:
         except ValueError as error:
             print(f"{quantity}: {error}")
             continue
-        rows = [[name, *(f"{value:.3f} +- {error:.3f}" for value, error in (indices.first[name], indices.total[name]))]
-                for name in results.names]  # fmt: skip
+        rows = [
+            [name, *(f"{value:.3f} +- {error:.3f}" for value, error in (indices.first[name], indices.total[name]))]
+            for name in results.names
+        ]
         print_table(["", "first order", "total"], rows, f"Sobol indices of {quantity}")
 
 

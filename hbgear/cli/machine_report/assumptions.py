@@ -63,15 +63,22 @@ def until(stop: Event) -> Callable[[hb.continuation.Progress], None]:
 
 
 def alternative_results(
-    changed: hb.mechanics.Model, model: hb.mechanics.Model, curve: hb.Branch, count: Any, stop: Event,
+    changed: hb.mechanics.Model,
+    model: hb.mechanics.Model,
+    curve: hb.Branch,
+    count: Any,
+    stop: Event,
     speeds: tuple[float, float] | None = None,
-) -> tuple[str, str]:  # fmt: skip
+) -> tuple[str, str]:
     """Return `factor_and_jumps` of a changed model, in a range of speeds [r/min] or in the usual range of Omega.
 
     The curve is reused if the model differs in scales only, and no range is given.
     """
-    is_reusable = speeds is None and hasattr(changed, "reference") and changed.replace(
-        reference=getattr(model, "reference", ())) == model  # fmt: skip
+    is_reusable = (
+        speeds is None
+        and hasattr(changed, "reference")
+        and changed.replace(reference=getattr(model, "reference", ())) == model
+    )
     if not is_reusable:
         problem, unit = hb.HarmonicBalance(changed, count), float(scales_of(changed).pinion_speed(1.0))
         ends = () if speeds is None else (speeds[0] / unit, speeds[1] / unit)
@@ -195,9 +202,10 @@ def largest_factor(model: hb.mechanics.Model, curve: hb.Branch, shown: tuple[flo
     span = None if shown is None else (shown[0] / unit, shown[1] / unit)
     points = [
         (branch, i)
-        for branch in curve.curves for i in bounded_inside(branch, span)
+        for branch in curve.curves
+        for i in bounded_inside(branch, span)
         if branch.stable is None or branch.stable[i]
-    ]  # fmt: skip
+    ]
     factor = largest_of(model, points) if points else math.nan
     return rounded(factor, 3) if math.isfinite(factor) else "-"
 

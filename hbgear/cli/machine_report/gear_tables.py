@@ -31,9 +31,10 @@ def gears(pair: hb.GearPair) -> Iterator[list[str]]:
     yield ["profile shift [module]", *(f"{g.profile_shift:g}" for g in both)]
     for name in ("reference", "base", "tip_diameter_used", "root"):
         values = (getattr(g, name if "used" in name else f"{name}_diameter") for g in both)
-        yield [f"{name.partition('_')[0]} diameter [mm]", *(
-            "-" if g.rack else f"{value * 1e3:.4f}" for g, value in zip(both, values, strict=True)
-        )]  # fmt: skip
+        yield [
+            f"{name.partition('_')[0]} diameter [mm]",
+            *("-" if g.rack else f"{value * 1e3:.4f}" for g, value in zip(both, values, strict=True)),
+        ]
     if pair.wheel.rack:
         w = pair.wheel
         heights = ((d - w.reference_diameter) / 2 * 1e3 for d in (w.tip_diameter_used, w.root_diameter))
@@ -50,8 +51,10 @@ def mesh(machine: Machine, cycle: hb.gears.MeshCycle, model: DrawnPair) -> Itera
     pair, scales = machine.pair, scales_of(model)
     iso = iso_stiffness(pair)
     heading = "distance of the rack from the axis" if pair.wheel.rack else "centre distance"
-    yield [heading, f"{pair.mounting_distance * 1e3:.4f} mm, "
-           f"working pressure angle {degrees(pair.working_pressure_angle):.4f} deg"]  # fmt: skip
+    yield [
+        heading,
+        f"{pair.mounting_distance * 1e3:.4f} mm, working pressure angle {degrees(pair.working_pressure_angle):.4f} deg",
+    ]
     overlap = f", overlap {pair.overlap_ratio:.4f}" if pair.overlap_ratio else ""
     yield ["contact ratio", f"{pair.contact_ratio:.5f} transverse{overlap}"]
     sizes = ", ".join(f"{pair.backlash_as(measure) * 1e6:.1f} {measure}" for measure in ("circumferential", "normal"))
@@ -59,15 +62,23 @@ def mesh(machine: Machine, cycle: hb.gears.MeshCycle, model: DrawnPair) -> Itera
     force = rounded(pair.transverse_force(machine.torque), 5) if machine.torque else "0"
     yield ["force along the line of action", f"{force} N{_orders_text(machine)}"]
     k = cycle.stiffness
-    yield ["mesh stiffness", f"{k.mean:.4g} N/m mean ({k.mean / pair.face_width / 1e9:.2f} N/(mm um)), "
-           f"{k.value.min():.4g} to {k.value.max():.4g}"]  # fmt: skip
+    yield [
+        "mesh stiffness",
+        f"{k.mean:.4g} N/m mean ({k.mean / pair.face_width / 1e9:.2f} N/(mm um)), "
+        f"{k.value.min():.4g} to {k.value.max():.4g}",
+    ]
     k_0 = tooth_mesh(pair, machine.mesh_torque).stiffness
     yield ["stiffness, all gaps closed", f"{k_0:.4g} N/m mean, to which the damping ratio refers"]
-    yield ["by ISO 6336-1, method B", f"{iso.mesh * pair.face_width:.4g} N/m "
-           f"(c' {iso.single / 1e9:.2f}, c_gamma {iso.mesh / 1e9:.2f} N/(mm um))"]  # fmt: skip
+    yield [
+        "by ISO 6336-1, method B",
+        f"{iso.mesh * pair.face_width:.4g} N/m (c' {iso.single / 1e9:.2f}, c_gamma {iso.mesh / 1e9:.2f} N/(mm um))",
+    ]
     yield ["static transmission error", f"{cycle.peak_to_peak * 1e6:.2f} um peak to peak"]
-    yield ["natural frequency", f"{scales.frequency / (2 * pi):.1f} Hz of the mesh, "
-           f"{float(scales.pinion_speed(1 / model.mesh_order)):.0f} r/min of the pinion"]  # fmt: skip
+    yield [
+        "natural frequency",
+        f"{scales.frequency / (2 * pi):.1f} Hz of the mesh, "
+        f"{float(scales.pinion_speed(1 / model.mesh_order)):.0f} r/min of the pinion",
+    ]
 
 
 LOAD_CANDIDATES = 3
@@ -104,20 +115,27 @@ def teeth(machine: Machine, model: hb.mechanics.Model, curve: hb.Branch) -> Iter
     loads, point = max(candidates, key=lambda entry: float(entry[0].force.max()))
     number, position = loads.largest
     force, static = (rounded(float(forces.force.max()), 4) for forces in (loads.forces, loads.static))
-    yield ["largest force of a pair", f"{force} N, {loads.force_factor:.2f} times the static force of {static} N, at "
-           f"{speed_of(point)}"]  # fmt: skip
+    yield [
+        "largest force of a pair",
+        f"{force} N, {loads.force_factor:.2f} times the static force of {static} N, at {speed_of(point)}",
+    ]
     pairs = len(loads.force)
     pair_text = "every pair" if pairs == 1 else f"pair {number + 1} of {pairs} that follow each other"
     yield ["it acts on", f"{pair_text}, {position:.2f} mesh periods after the pair enters contact"]
     other_flank = "back" if loads.side > 0 else "driving"
     back = "none" if not loads.back.any() else f"{rounded(float(loads.back.max()), 4)} N at most"
-    yield ["separated, at this speed", f"{loads.separated.max():.0%} of the path of contact; contact on the "
-           f"{other_flank} flank: {back}"]  # fmt: skip
+    yield [
+        "separated, at this speed",
+        f"{loads.separated.max():.0%} of the path of contact; contact on the {other_flank} flank: {back}",
+    ]
     for i, name in enumerate(("pinion", "wheel")):
         if np.isfinite(loads.root_factor[i]):
             most, point = max(candidates, key=lambda entry: float(entry[0].root_stress[i].max()))
-            yield [f"largest root stress, {name}", f"{most.root_stress[i].max() / 1e6:.1f} N/mm^2 (ISO 6336-3, "
-                   f"nominal), {most.root_factor[i]:.2f} times the static one, at {speed_of(point)}"]  # fmt: skip
+            yield [
+                f"largest root stress, {name}",
+                f"{most.root_stress[i].max() / 1e6:.1f} N/mm^2 (ISO 6336-3, "
+                f"nominal), {most.root_factor[i]:.2f} times the static one, at {speed_of(point)}",
+            ]
     limits = {float(scales.pinion_speed(x)) for branch in curve.curves for x in branch.asymptotes.values()}
     if limits:
         speeds = " and ".join(f"{limit:.0f}" for limit in sorted(limits))
@@ -142,8 +160,10 @@ def losses(machine: Machine, curve: hb.Branch) -> Iterator[list[str]]:
     for name, (rpm, efficiency, loss, _) in (("lowest", min(motions)), ("highest", max(motions))):
         yield [f"{name} speed, {rpm:.0f} r/min", f"efficiency {efficiency:.4%}, loss {rounded(loss, 4)} W"]
     rpm, efficiency, loss, across = min(motions, key=lambda motion: motion[1])
-    yield [f"lowest efficiency, {rpm:.0f} r/min", f"{efficiency:.4%}, loss {rounded(loss, 4)} W; friction across the "
-           f"line of action {rounded(across, 4)} N"]  # fmt: skip
+    yield [
+        f"lowest efficiency, {rpm:.0f} r/min",
+        f"{efficiency:.4%}, loss {rounded(loss, 4)} W; friction across the line of action {rounded(across, 4)} N",
+    ]
 
 
 def _orders_text(machine: Machine) -> str:

@@ -108,8 +108,15 @@ def _mesh_resonances(model: hb.mechanics.Model, branch: hb.Branch, mesh: int | s
         point, largest = refined_peak(branch, size, i, lambda motion: height.at(motion, branch))
         quantities = hb.analysis.machine_quantities(point, mesh)
         speed = float(scales.pinion_speed(point.parameters["Omega"]))
-        yield Resonance(mesh, point, speed, largest, float(quantities["dynamic factor"][0]),
-                        abs(float(quantities["force, largest"][0])), ends)  # fmt: skip
+        yield Resonance(
+            mesh,
+            point,
+            speed,
+            largest,
+            float(quantities["dynamic factor"][0]),
+            abs(float(quantities["force, largest"][0])),
+            ends,
+        )
 
 
 def _peaks(size: Array, stable: Array) -> list[int]:
@@ -136,9 +143,12 @@ def _peaks(size: Array, stable: Array) -> list[int]:
 
 
 def show_speeds(
-    model: hb.mechanics.Model, curve: hb.Branch, dimensionless: bool = False, other_ranges: Ranges | None = None,
+    model: hb.mechanics.Model,
+    curve: hb.Branch,
+    dimensionless: bool = False,
+    other_ranges: Ranges | None = None,
     shown: tuple[float, float] | None = None,
-) -> None:  # fmt: skip
+) -> None:
     """Print resonances, jumps, speed ranges and critical speeds of a machine; ValueError if the model has no scales.
 
     ``other_ranges`` are ranges of the speed [r/min] with other motions that lose the contact of the teeth, ``shown`` is
@@ -157,11 +167,18 @@ def _show_resonances(model: hb.mechanics.Model, curve: hb.Branch, shown: tuple[f
     """Print the resonances: speed, mesh frequency, dynamic factor, transmission error and force."""
     scales, several = scales_of(model), len(meshes_of(model)) > 1
     rows = [
-        [f"{r.speed:.0f}", f"{float(scales.mesh_frequency(r.point.parameters['Omega'])):.0f}",
-         *([str(r.mesh)] if several else []), number_or_dash(r.factor), rounded(r.transmission_error, 3),
-         rounded(r.force, 4), "before a jump" if r.ends else ""]
-        for r in resonances(model, curve) if is_shown(r.speed, shown)
-    ]  # fmt: skip
+        [
+            f"{r.speed:.0f}",
+            f"{float(scales.mesh_frequency(r.point.parameters['Omega'])):.0f}",
+            *([str(r.mesh)] if several else []),
+            number_or_dash(r.factor),
+            rounded(r.transmission_error, 3),
+            rounded(r.force, 4),
+            "before a jump" if r.ends else "",
+        ]
+        for r in resonances(model, curve)
+        if is_shown(r.speed, shown)
+    ]
     for branch in curve.curves:
         end = branch.asymptotes.get("last", float(branch.values[-1]))
         if is_unbounded(branch) and is_shown(float(scales.pinion_speed(end)), shown):
@@ -170,8 +187,15 @@ def _show_resonances(model: hb.mechanics.Model, curve: hb.Branch, shown: tuple[f
             rows.append([*(f"{x:.0f}" for x in speeds), *mesh, *["unbounded"] * 3, "more damping would limit it"])
     rows.sort(key=lambda row: float(row[0]))
     if rows:
-        headers = ["pinion r/min", "mesh Hz", *(["mesh"] if several else []), "dynamic factor",
-                   "transmission error [um]", "largest force [N]", ""]  # fmt: skip
+        headers = [
+            "pinion r/min",
+            "mesh Hz",
+            *(["mesh"] if several else []),
+            "dynamic factor",
+            "transmission error [um]",
+            "largest force [N]",
+            "",
+        ]
         addition = ", with the mesh of the largest dynamic factor" if several else " of the mesh"
         print_table(headers, rows, f"resonances{addition}; the transmission error is half peak to peak")
     else:
@@ -208,8 +232,15 @@ def _show_jumps(
         where = "on these curves" if curve.others else "on this curve"
         print_text(f"no jumps {where if shown is None else 'in this range of speeds'}")
         return
-    headers = ["", "pinion r/min", "mesh Hz", *(["Omega"] if dimensionless else []), "sweep", "dynamic factor before",
-               "after"]  # fmt: skip
+    headers = [
+        "",
+        "pinion r/min",
+        "mesh Hz",
+        *(["Omega"] if dimensionless else []),
+        "sweep",
+        "dynamic factor before",
+        "after",
+    ]
     title = "jumps of a slow sweep; dynamic factor = largest / static force of the mesh"
     title += " with the largest one" if len(meshes_of(model)) > 1 else ""
     if pair is not None:
@@ -238,8 +269,10 @@ def _show_ranges(
         print_text(f"linear at this load: the teeth stay in contact from {low:.0f} to {high:.0f} r/min")
         return
     safe = outside(merged([*avoided, *jumps]), low, high)
-    print_text(f"safe speeds, at which the teeth stay in contact and nothing jumps: "
-               f"{speeds_text(safe) if safe else f'none from {low:.0f} to {high:.0f} r/min'}")  # fmt: skip
+    print_text(
+        f"safe speeds, at which the teeth stay in contact and nothing jumps: "
+        f"{speeds_text(safe) if safe else f'none from {low:.0f} to {high:.0f} r/min'}"
+    )
     if lost:
         print_text(f"loss of contact is possible: {speeds_text(lost)}")
     if jumps:
@@ -291,9 +324,13 @@ def factor_text(model: hb.mechanics.Model, point: hb.Point | None, digits: int) 
 
 
 def recommendation(
-    model: hb.mechanics.Model, curve: hb.Branch, measures: Sequence[tuple[str, float]] = (), reference: float = np.inf,
-    other_ranges: Ranges | None = None, shown: tuple[float, float] | None = None,
-) -> str:  # fmt: skip
+    model: hb.mechanics.Model,
+    curve: hb.Branch,
+    measures: Sequence[tuple[str, float]] = (),
+    reference: float = np.inf,
+    other_ranges: Ranges | None = None,
+    shown: tuple[float, float] | None = None,
+) -> str:
     """Return one sentence on the speeds to avoid and on the change of the design that helps most.
 
     ``measures`` are changes that a designer can make, with the largest dynamic factor that each gives, ``reference`` is

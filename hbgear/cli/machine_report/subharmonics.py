@@ -75,14 +75,18 @@ def _from_curve(
     for point in curve.special:
         if point.kind != "PD" or any(abs(end - point.parameters["Omega"]) < SAME_SPEED for end in ends):
             continue
-        doubled = hb.switch(curve, point.label, span, steps=LONG_STEPS, special=False, accuracy=None,
-                            progress=until(stop))  # fmt: skip
+        doubled = hb.switch(
+            curve, point.label, span, steps=LONG_STEPS, special=False, accuracy=None, progress=until(stop)
+        )
         ends.append(float(doubled.values[-1]))
         stable = np.zeros(len(doubled), dtype=bool) if doubled.stable is None else doubled.stable.astype(bool)
         rpm = scales.pinion_speed(doubled.values)
         edges = np.flatnonzero(np.diff(np.concatenate([[False], stable, [False]]).astype(int)))
-        ranges = merged((min(rpm[a], rpm[b - 1]), max(rpm[a], rpm[b - 1]))
-                        for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a > 1)  # fmt: skip
+        ranges = merged(
+            (min(rpm[a], rpm[b - 1]), max(rpm[a], rpm[b - 1]))
+            for a, b in zip(edges[::2], edges[1::2], strict=True)
+            if b - a > 1
+        )
         if not ranges:
             continue
         factor = largest_of(model, [(doubled, int(i)) for i in np.flatnonzero(stable)])

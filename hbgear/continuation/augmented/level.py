@@ -69,10 +69,16 @@ class ScalarConditionProblem(MinimallyAugmentedProblem):
         """Return the value of the function at unknowns X and all parameters; ValueError if it is not finite."""
         motion, unknown = self.problem.split(X)
         point = Point(
-            motion, {**parameters, **unknown}, 0.0, 0, None, np.zeros(0, dtype=np.int8), float("nan"),
+            motion,
+            {**parameters, **unknown},
+            0.0,
+            0,
+            None,
+            np.zeros(0, dtype=np.int8),
+            float("nan"),
             self.problem.layout,
             problem=self.problem.original,
-        )  # fmt: skip
+        )
         value = float(self.test(point))
         if not math.isfinite(value):
             raise ValueError(f"the test function is {value} at {point}; it must be finite")

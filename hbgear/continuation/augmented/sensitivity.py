@@ -166,9 +166,14 @@ def _curvature_row(
 
 
 def _crossing_derivatives(
-    problem: ContinuationProblem, X: Array, parameters: Mapping[str, float], parameter: str, name: str, w: Array,
+    problem: ContinuationProblem,
+    X: Array,
+    parameters: Mapping[str, float],
+    parameter: str,
+    name: str,
+    w: Array,
     tangents: Sequence[Array],
-) -> Array:  # fmt: skip
+) -> Array:
     """Return R_a and the derivatives of w . [J R_p] t in the parameter a for both tangents, (n + 2,)."""
 
     def equations(values: dict[str, float]) -> tuple[Array, ...]:

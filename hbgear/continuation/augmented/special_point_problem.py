@@ -158,6 +158,11 @@ class SpecialPointProblem(ContinuationProblem):
         """Return regime and error of the solution; the argument X holds the unknowns (X, p)."""
         X, unknown = self.solution_of(X)
         values = {**parameters, **unknown}
-        observed = self.problem.observe_many(X[None], self.parameter, np.array([values[self.parameter]]), False, **{
-            k: v for k, v in values.items() if k != self.parameter})[0]  # fmt: skip
+        observed = self.problem.observe_many(
+            X[None],
+            self.parameter,
+            np.array([values[self.parameter]]),
+            False,
+            **{k: v for k, v in values.items() if k != self.parameter},
+        )[0]
         return {k: observed[k] for k in ("regime", "error") if k in observed}

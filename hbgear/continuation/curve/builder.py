@@ -81,8 +81,9 @@ def build_branch(
             fields = point_fields(event.refined.problem, name, fixed, event.refined.point)
         else:
             fields = point_fields(problem, name, fixed, points[mark.index]) | {
-                "multipliers": None if mu is None else mu[mark.index], "regime": regime[mark.index]
-            }  # fmt: skip
+                "multipliers": None if mu is None else mu[mark.index],
+                "regime": regime[mark.index],
+            }
         fields["problem"] = None  # the branch sets it, at the resolution of the point
         special.append(build_special_point(event, fields, f"{kind}{count[kind]}", mark.index, mark.interval))
     return Branch(
@@ -125,10 +126,18 @@ def build_special_point(
 ) -> SpecialPoint:
     """Return the special point of a branch from its `point_fields`, with label, number of its point and interval."""
     return SpecialPoint(
-        **fields | {"error": event.error}, truncation=fields["error"], label=label, kind=event.event.kind, index=index,
-        located=event.located, interval=interval, note=event.note, meaning=event.event.meaning,
-        marker=event.event.marker, event=event.event,
-    )  # fmt: skip
+        **fields | {"error": event.error},
+        truncation=fields["error"],
+        label=label,
+        kind=event.event.kind,
+        index=index,
+        located=event.located,
+        interval=interval,
+        note=event.note,
+        meaning=event.event.meaning,
+        marker=event.event.marker,
+        event=event.event,
+    )
 
 
 def _column(points: list[CurvePoint], name: str, missing: Any) -> Array | None:

@@ -253,9 +253,14 @@ def point_along(point: CorrectedPoint, scale: Array, step: float = 0.0, last: Cu
 
 
 def resolve_at_resolution(
-    point: CurvePoint, problem: ContinuationProblem, name: str, parameters: Mapping[str, float], scale: Array,
-    settings: NewtonSettings, fixed_value: bool = False,
-) -> CurvePoint:  # fmt: skip
+    point: CurvePoint,
+    problem: ContinuationProblem,
+    name: str,
+    parameters: Mapping[str, float],
+    scale: Array,
+    settings: NewtonSettings,
+    fixed_value: bool = False,
+) -> CurvePoint:
     """Return a point solved at the resolution of another problem, with the scales (m + 1,) of its unknowns.
 
     With ``fixed_value`` the parameter keeps its value, as at the ends of a curve, which are solved as initial solutions

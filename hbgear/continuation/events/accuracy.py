@@ -355,9 +355,13 @@ def _on_extended_segment(segment: Segment, find: Callable[[Segment], list[Locate
 def _segment_between(segment: Segment, a: CurvePoint, b: CurvePoint) -> Segment:
     """Return the segment between two other points, with their monitored quantities."""
     observed = observe_all(
-        segment.problem, np.array([a.u, b.u]), segment.name, segment.parameters, "multipliers" in segment.a.observed,
+        segment.problem,
+        np.array([a.u, b.u]),
+        segment.name,
+        segment.parameters,
+        "multipliers" in segment.a.observed,
         errors=False,
-    )  # fmt: skip
+    )
     for end, quantities in zip((a, b), observed, strict=True):
         end.observed.update(quantities)
     return segment.part(a, b)

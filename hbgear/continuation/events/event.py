@@ -443,9 +443,13 @@ LOCATION_ITERATIONS = 5
 
 
 def locate_root(
-    segment: Segment, event: Event, test: Callable[[CurvePoint], float], note: str = "", fine: float = 1e-13,
+    segment: Segment,
+    event: Event,
+    test: Callable[[CurvePoint], float],
+    note: str = "",
+    fine: float = 1e-13,
     first: float = math.nan,
-) -> LocatedEvent:  # fmt: skip
+) -> LocatedEvent:
     """Locate a special point as the bracketed root of a test function along a segment.
 
     ``fine`` is the tolerance of the root, as a fraction of the segment; at a fold, its square enters the parameter. The

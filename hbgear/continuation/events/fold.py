@@ -94,8 +94,10 @@ class CuspEvent(FoldEvent):
 
     def find(self, segment: Segment) -> list[LocatedEvent]:
         """Return the cusp, or the isola centre if the first parameter does not turn back."""
-        return [replace(fold, event=IsolaCentreEvent(), finder=self) if _is_moving(segment, fold) else fold
-                for fold in super().find(segment)]  # fmt: skip
+        return [
+            replace(fold, event=IsolaCentreEvent(), finder=self) if _is_moving(segment, fold) else fold
+            for fold in super().find(segment)
+        ]
 
     def equations(self, problem: Any, parameter: str, point: Any) -> MinimallyAugmentedProblem | None:
         return None

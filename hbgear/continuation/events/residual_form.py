@@ -43,8 +43,10 @@ def in_residual_form(problem: Any, point: AnyPoint, parameter: str, event: Event
                 f"{getattr(point, 'label', '') or 'the point'} is not known to {form}, which has the equations to "
                 "follow and differentiate it: its contacts are too short; choose another point, or trace the curve at "
                 "neighbouring values of the parameter",
-                point.X, dict(point.parameters), [],
-            )  # fmt: skip
+                point.X,
+                dict(point.parameters),
+                [],
+            )
         form = form.refined_problem
 
 

@@ -54,6 +54,9 @@ from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.layout import LayoutProtocol
 from hbgear.continuation.results.point import Point
 
+Parameters = Mapping[str, float]
+Observed = Sequence[dict[str, Any]]
+
 
 class ContinuationProblem:
     """Base class of problems R(X, p) = 0; `as_problem` adds its defaults to an object with ``evaluate``.
@@ -231,15 +234,12 @@ class ContinuationProblem:
         sets = ({**parameters, name: value} for value in values.tolist())
         return [self.observe(x, stability, **p) for x, p in zip(X, sets, strict=True)]
 
-    def check_errors(
-        self, X: Array, name: str, values: Array, observed: Sequence[dict[str, Any]], parameters: Mapping[str, float]
-    ) -> None:
+    def check_errors(self, X: Array, name: str, values: Array, observed: Observed, parameters: Parameters) -> None:
         """Replace ``"error"`` in the ``observed`` quantities by the larger result of a check; by default nothing."""
 
     def verify_stability(
-        self, X: Array, name: str, values: Array, observed: Sequence[dict[str, Any]], parameters: Mapping[str, float],
-        work: Work | None = None,
-    ) -> None:  # fmt: skip
+        self, X: Array, name: str, values: Array, observed: Observed, parameters: Parameters, work: Work | None = None
+    ) -> None:
         """Verify the stability of solutions X (k, n) at values (k,) of the parameter.
 
         ``observed`` holds the results of `observe` with two more entries: ``"determinant"``, the sign of det(dR/dX), 0
@@ -357,9 +357,13 @@ class ContinuationProblem:
 
 
 def observe_all(
-    problem: ContinuationProblem, U: Array, name: str, parameters: Mapping[str, float], stability: bool,
+    problem: ContinuationProblem,
+    U: Array,
+    name: str,
+    parameters: Mapping[str, float],
+    stability: bool,
     errors: bool = True,
-) -> list[dict[str, Any]]:  # fmt: skip
+) -> list[dict[str, Any]]:
     """Return the monitored quantities of solutions U (k, n + 1), with checked error estimates unless ``errors=False``.
 
     Searches, whose intermediate solutions are not stored, omit the check.

@@ -36,9 +36,12 @@ def directional_step(X: Array, v: Array, relative: float = STEP) -> float:
 
 
 def parameter_derivatives(
-    problem: HasUnits, name: str, parameters: Mapping[str, float], f: Callable[[dict[str, float]], tuple[Any, ...]],
+    problem: HasUnits,
+    name: str,
+    parameters: Mapping[str, float],
+    f: Callable[[dict[str, float]], tuple[Any, ...]],
     step: float = STEP,
-) -> tuple[Any, ...]:  # fmt: skip
+) -> tuple[Any, ...]:
     """Return the derivatives of several quantities in a parameter.
 
     ``f`` returns a tuple of quantities at a dict of all parameters, each a number, an array or a matrix. It raises

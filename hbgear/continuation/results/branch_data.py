@@ -25,9 +25,16 @@ from hbgear.continuation.results.stability import STABLE, UNDECIDED, UNKNOWN, st
 from hbgear.continuation.results.status import Status
 
 _ARRAY_TYPES: dict[str, tuple[Any, int]] = {
-    "values": (float, 1), "X": (float, 2), "multipliers": (complex, 2), "iterations": (int, 1), "residual": (float, 1),
-    "regime": (np.int8, 2), "error": (float, 1), "step": (float, 1), "modulus_error": (float, 1),
-}  # fmt: skip
+    "values": (float, 1),
+    "X": (float, 2),
+    "multipliers": (complex, 2),
+    "iterations": (int, 1),
+    "residual": (float, 1),
+    "regime": (np.int8, 2),
+    "error": (float, 1),
+    "step": (float, 1),
+    "modulus_error": (float, 1),
+}
 """Type and number of dimensions of each array of a branch."""
 
 
@@ -148,10 +155,17 @@ class BranchData:
             raise IndexError(f"no point {key}; the branch has {len(self)} points")
         mu = None if self.multipliers is None else self.multipliers[key]
         return Point(
-            self.X[key], self.parameters_at(key), float(self.residual[key]), int(self.iterations[key]),
-            mu, self.regime[key], float(self.error[key]), self.layout,
-            modulus_error=float(np.asarray(self.modulus_error)[key]), problem=self.problem,
-        )  # fmt: skip
+            self.X[key],
+            self.parameters_at(key),
+            float(self.residual[key]),
+            int(self.iterations[key]),
+            mu,
+            self.regime[key],
+            float(self.error[key]),
+            self.layout,
+            modulus_error=float(np.asarray(self.modulus_error)[key]),
+            problem=self.problem,
+        )
 
     @checked_arguments()
     def parameters_at(self, i: int) -> dict[str, float]:

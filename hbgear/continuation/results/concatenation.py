@@ -32,9 +32,16 @@ def append_continuation(first: Branch, second: Branch) -> Branch:
         special.append(dataclasses.replace(p, label=f"{p.kind}{count[p.kind]}"))
     tracked = {k: np.concatenate([first.tracked[k], x[1:]]) for k, x in second.tracked.items()}
     return dataclasses.replace(
-        second, **{"multipliers": None, **arrays}, special=tuple(special), jump_records=(), tracked=tracked,
-        full_motion=None, meta=_joined_header(first, second, ends), others=first.others, problem=problem,
-    )  # fmt: skip
+        second,
+        **{"multipliers": None, **arrays},
+        special=tuple(special),
+        jump_records=(),
+        tracked=tracked,
+        full_motion=None,
+        meta=_joined_header(first, second, ends),
+        others=first.others,
+        problem=problem,
+    )
 
 
 def _joined_header(first: Branch, second: Branch, ends: dict[str, float | None]) -> dict[str, Any]:

@@ -409,6 +409,8 @@ def jump_with_problem(jump: Jump, problem: Any) -> Jump:
     if all(point.problem is not None for point in points):
         return jump
     return dataclasses.replace(
-        jump, before=with_problem(jump.before, problem), after=jump.after and with_problem(jump.after, problem),
+        jump,
+        before=with_problem(jump.before, problem),
+        after=jump.after and with_problem(jump.after, problem),
         candidates=tuple(with_problem(point, problem) for point in jump.candidates),
-    )  # fmt: skip
+    )

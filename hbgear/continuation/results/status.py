@@ -34,9 +34,14 @@ class Status(StrEnum):
     def complete(self) -> bool:
         """True if the branch was traced as far as it exists within the span."""
         return self in (
-            Status.REACHED_END, Status.LEFT_SPAN, Status.UNBOUNDED, Status.CLOSED, Status.MERGED, Status.EVENT,
+            Status.REACHED_END,
+            Status.LEFT_SPAN,
+            Status.UNBOUNDED,
+            Status.CLOSED,
+            Status.MERGED,
+            Status.EVENT,
             Status.ARBITRARY,
-        )  # fmt: skip
+        )
 
     @property
     def in_words(self) -> str:

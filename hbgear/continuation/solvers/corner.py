@@ -51,9 +51,17 @@ MIN_CROSSING_SHARE = 1e-3
 
 
 def step_over_corner(
-    problem: Any, u: Array, tangent: Array, orientation: int, scale: Array, smallest: float, turn: float, name: str,
-    fixed: Mapping[str, float], settings: NewtonSettings,
-) -> tuple[CorrectedPoint, float] | None:  # fmt: skip
+    problem: Any,
+    u: Array,
+    tangent: Array,
+    orientation: int,
+    scale: Array,
+    smallest: float,
+    turn: float,
+    name: str,
+    fixed: Mapping[str, float],
+    settings: NewtonSettings,
+) -> tuple[CorrectedPoint, float] | None:
     """Return a point beyond a corner near the last point u (n + 1,) of a curve, and the size of the step; None without.
 
     ``smallest`` is the smallest step size, at which the usual step failed, and ``turn`` the largest angle [deg] between
@@ -87,9 +95,14 @@ class _Equations(NamedTuple):
 
 
 def _point_beyond(
-    equations: _Equations, u: Array, tangent: Array, orientation: int, scale: Array, delta: float,
+    equations: _Equations,
+    u: Array,
+    tangent: Array,
+    orientation: int,
+    scale: Array,
+    delta: float,
     limits: tuple[float, float, float],
-) -> tuple[CorrectedPoint, float] | None:  # fmt: skip
+) -> tuple[CorrectedPoint, float] | None:
     """Return the point beyond the corner with one distance of the probes, and its distance; None without one.
 
     limits : shortest and longest step, and largest angle [deg] between the step and the direction of the curve.

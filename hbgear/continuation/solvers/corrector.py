@@ -40,9 +40,14 @@ class CorrectedPoint(NamedTuple):
 
 
 def correct(
-    problem: Any, u: Array, normal: Array, name: str, parameters: Mapping[str, float],
-    settings: NewtonSettings = NewtonSettings(), polish_above: float = 1.0,
-) -> CorrectedPoint:  # fmt: skip
+    problem: Any,
+    u: Array,
+    normal: Array,
+    name: str,
+    parameters: Mapping[str, float],
+    settings: NewtonSettings = NewtonSettings(),
+    polish_above: float = 1.0,
+) -> CorrectedPoint:
     """Return the solution in the plane normal^T (u' - u) = 0 of a predicted point u = (X, value).
 
     ``polish_above`` is the fraction of the tolerance above which a converged point gets one more iteration, because
@@ -67,9 +72,17 @@ def correct(
         following, residual = u - columns[:, 0], norm(evaluation.R) / evaluation.size
         step = norm(columns[:, 0]) / max(norm(following), 1e-300)
         is_best, status = newton_status(
-            residual, step, last, first, best.solution.residual if best else math.inf, iteration,
-            settings.tolerance, settings.step_tolerance, settings.max_iterations, polish_above,
-        )  # fmt: skip
+            residual,
+            step,
+            last,
+            first,
+            best.solution.residual if best else math.inf,
+            iteration,
+            settings.tolerance,
+            settings.step_tolerance,
+            settings.max_iterations,
+            polish_above,
+        )
         if is_best:
             best = CorrectedPoint(Solution(u[:-1], float(u[-1]), evaluation, iteration, residual), columns[:, 1], sign)
         if status in (CONVERGED, DIVERGED):

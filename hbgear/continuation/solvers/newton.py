@@ -164,13 +164,17 @@ def solve(
         raise NoConvergence(
             f"the Jacobian is singular: the equations do not determine all unknowns at this point "
             f"({problem.singular_hint}, or a fold exactly at the start); move the start",
-            X, parameters, residuals,
-        )  # fmt: skip
+            X,
+            parameters,
+            residuals,
+        )
     raise NoConvergence(
         f"Newton stopped at a relative residual of {residuals[-1]:.2e} (needed {settings.tolerance:.0e}) "
         f"after {len(residuals) - 1} steps at {describe(parameters)}",
-        X, parameters, residuals,
-    )  # fmt: skip
+        X,
+        parameters,
+        residuals,
+    )
 
 
 def _compiled(

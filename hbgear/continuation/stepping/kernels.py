@@ -112,9 +112,17 @@ def _hermite(x: Any, k: int, r: int, position: float) -> tuple[float, float]:
 
 @kernel
 def newton_status(
-    residual: float, step: float, last: float, first: float, best: float, iteration: int,
-    tolerance: float, step_tolerance: float, max_iterations: int, polish_above: float,
-) -> tuple[bool, int]:  # fmt: skip
+    residual: float,
+    step: float,
+    last: float,
+    first: float,
+    best: float,
+    iteration: int,
+    tolerance: float,
+    step_tolerance: float,
+    max_iterations: int,
+    polish_above: float,
+) -> tuple[bool, int]:
     """Return whether an iterate is converged and the best so far, and `CONTINUE`, `CONVERGED` or `DIVERGED`.
 
     Parameters

@@ -125,8 +125,14 @@ class CurveEnds:
         """Return which parameter among the unknowns is outside its admissible range at a point, and the range."""
         problem = self.state.problem
         unknown = problem.split(point.X)[1].items() if problem.unknown_parameters else ()
-        return next((f"{name} leaves its range (it must {allowed})" for name, value in unknown
-                     if value not in (allowed := problem.range_of(name))), "")  # fmt: skip
+        return next(
+            (
+                f"{name} leaves its range (it must {allowed})"
+                for name, value in unknown
+                if value not in (allowed := problem.range_of(name))
+            ),
+            "",
+        )
 
     def predicted_range_violation(self) -> str:
         """Return `range_violation` at the prediction of the shortest step, at which the problem cannot be evaluated."""

@@ -82,8 +82,12 @@ class EvenCrossingSearch:
         ``between`` computes a point at a fraction of a segment; see `SampledCurve.through`.
         """
         state, first = self.state, section.first
-        events = {(number - first - 1, event.s): event for number, group in section.events.items() for event in group
-                  if event.located and 0 < event.s < 1 and len(event.point.u) == len(state.scale)}  # fmt: skip
+        events = {
+            (number - first - 1, event.s): event
+            for number, group in section.events.items()
+            for event in group
+            if event.located and 0 < event.s < 1 and len(event.point.u) == len(state.scale)
+        }
         self.monitor.observe([event.point for event in events.values()])
         path = SampledCurve.through(section.points, events, between)
         result: dict[int, list[LocatedEvent]] = {}
@@ -102,8 +106,12 @@ class EvenCrossingSearch:
             segments_with_event = [(state.segment(*path.points[k : k + 2]), event) for k, event in changes]
             number = section.number(segment)
             known_events = section.events.get(number, [])
-            candidates = [(part, point) for part, event in segments_with_event for point in event.find(part)
-                          if point.located and not any(_coincide(point, known) for known in known_events)]  # fmt: skip
+            candidates = [
+                (part, point)
+                for part, event in segments_with_event
+                for point in event.find(part)
+                if point.located and not any(_coincide(point, known) for known in known_events)
+            ]
             confirmed = self._confirmed(candidates, state.segment(points[segment], points[segment + 1]))
             fresh = drop_odd_counts(
                 confirmed, explained=any(known.event.kind in STABILITY_CHANGING_KINDS for known in known_events)
@@ -141,8 +149,11 @@ class EvenCrossingSearch:
         kinds = Counter(event.event.kind for event, _ in assessed)
         existing = Counter(event.event.kind for event, exists in assessed if exists)
         paired = {kind for kind, count in existing.items() if count % 2 and not kinds[kind] % 2}
-        return [replace(event, s=segment.fraction_of(event.point.u))
-                for event, exists in assessed if exists or event.event.kind in paired]  # fmt: skip
+        return [
+            replace(event, s=segment.fraction_of(event.point.u))
+            for event, exists in assessed
+            if exists or event.event.kind in paired
+        ]
 
     def _assess(self, part: Segment, point: LocatedEvent) -> tuple[LocatedEvent, bool]:
         """Return a candidate with its error, and whether it exists at a higher resolution."""

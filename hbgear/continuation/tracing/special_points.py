@@ -156,9 +156,14 @@ class SpecialPoints:
         """
         state = self.state
         for number, points in located.items() if state.setup.settings.stability else ():
-            ends = [event for event in sorted(points, key=lambda event: event.s)
-                    if event.event.kind in STABILITY_CHANGING_KINDS and event.located
-                    and 0 < event.s < 1 and len(event.point.u) == len(state.scale)]  # fmt: skip
+            ends = [
+                event
+                for event in sorted(points, key=lambda event: event.s)
+                if event.event.kind in STABILITY_CHANGING_KINDS
+                and event.located
+                and 0 < event.s < 1
+                and len(event.point.u) == len(state.scale)
+            ]
             solve = partial(self.monitor.solve_on_segment, s=0.5, errors=True)
             samples = [(0.5 * (a.s + b.s), solve(state.segment(a.point, b.point))) for a, b in pairwise(ends)]
             state.samples[number] = [(s, point) for s, point in samples if point is not None]
@@ -191,9 +196,11 @@ def points_and_marks(state: TraceState) -> tuple[list[CurvePoint], list[SpecialP
 
 
 def _insert(
-    addition: LocatedEvent | CurvePoint, interval: tuple[float, float], points: list[CurvePoint],
+    addition: LocatedEvent | CurvePoint,
+    interval: tuple[float, float],
+    points: list[CurvePoint],
     marks: list[SpecialPointMark],
-) -> None:  # fmt: skip
+) -> None:
     """Append a point between two points of a curve, or a special point and its mark."""
     if isinstance(addition, CurvePoint):
         points.append(addition)

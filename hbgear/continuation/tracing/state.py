@@ -58,9 +58,13 @@ class TraceSettings:
     def header(self, begin: float, end: float) -> dict[str, Any]:
         """Return the settings and the span as plain data, for the header of a file."""
         return {
-            "span": [begin, end], "steps": vars(self.steps), "newton": vars(self.newton),
-            "stability": self.stability, "accuracy": self.accuracy, "special": self.special,
-        }  # fmt: skip
+            "span": [begin, end],
+            "steps": vars(self.steps),
+            "newton": vars(self.newton),
+            "stability": self.stability,
+            "accuracy": self.accuracy,
+            "special": self.special,
+        }
 
     def points_only(self) -> TraceSettings:
         """Return the settings of a trace without stability and special points."""
@@ -168,9 +172,15 @@ def set_up(
     requested = requested or problem
     requested = restricted if requested is problem else requested.restricted_to(name, *section.bounds, fixed)
     return TraceSetup(
-        settings, restricted, requested, section, fixed, abort_if_under_resolved, work,
+        settings,
+        restricted,
+        requested,
+        section,
+        fixed,
+        abort_if_under_resolved,
+        work,
         start if isinstance(start, BranchStart) and start.bifurcating else None,
-    )  # fmt: skip
+    )
 
 
 def _checked_span(parameter: str, span: tuple[float, float], admissible: Range) -> Span:

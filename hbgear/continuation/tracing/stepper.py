@@ -122,9 +122,17 @@ class Stepper:
         return StepResult(self._points(table, recent[0], scale), step, reason)
 
     def _compiled_steps(
-        self, loop: Pursuit, u: Array, t: Array, count: int, scale: Array, solution_scale: float, step: float,
-        control: Array, max_count: int,
-    ) -> tuple[Array, float, str]:  # fmt: skip
+        self,
+        loop: Pursuit,
+        u: Array,
+        t: Array,
+        count: int,
+        scale: Array,
+        solution_scale: float,
+        step: float,
+        control: Array,
+        max_count: int,
+    ) -> tuple[Array, float, str]:
         """Return the next points as a table, the next step size and the reason of a failure, from a compiled loop."""
         settings, out = self.settings, np.empty((max_count, 2 * len(scale) + 4))
         tolerances = np.array([settings.tolerance, settings.step_tolerance, settings.max_iterations])
@@ -152,9 +160,17 @@ class Stepper:
             return StepResult([], step, "")
         smallest, turn = self.steps.min_step, self.steps.max_turn_deg
         crossing = step_over_corner(
-            self.problem, last.u, last.tangent, last.orientation, scale, smallest, turn, self.name, self.fixed,
+            self.problem,
+            last.u,
+            last.tangent,
+            last.orientation,
+            scale,
+            smallest,
+            turn,
+            self.name,
+            self.fixed,
             self.settings,
-        )  # fmt: skip
+        )
         if crossing is None:
             return StepResult([], step, "")
         (solution, direction, orientation), step = crossing

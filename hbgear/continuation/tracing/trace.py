@@ -297,9 +297,14 @@ class Tracer:
         may_restart = cover and refinable and restartable
         abort = abort_if_under_resolved or may_restart
         self.setup = setup = set_up(
-            problem, settings, span, start, requested=requested, abort_if_under_resolved=abort,
+            problem,
+            settings,
+            span,
+            start,
+            requested=requested,
+            abort_if_under_resolved=abort,
             work=work or Work(math.inf),
-        )  # fmt: skip
+        )
         self.cover, self._requested = cover, requested
         # a trace that starts on another curve is not complete in itself, and is not checked as a whole
         self._is_whole_curve = start is None or setup.switched_from is not None

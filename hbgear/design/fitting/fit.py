@@ -307,9 +307,15 @@ def _estimate(best: Prediction, data: Measurements, low: Array, high: Array) -> 
 
 
 def _result(
-    problem: HarmonicBalance, search: FitSearch, best: Prediction, followed: int, estimate: _Estimate, low: Array,
-    high: Array, ending: Termination,
-) -> Fit:  # fmt: skip
+    problem: HarmonicBalance,
+    search: FitSearch,
+    best: Prediction,
+    followed: int,
+    estimate: _Estimate,
+    low: Array,
+    high: Array,
+    ending: Termination,
+) -> Fit:
     """Return the fit with standard errors, correlations and warnings."""
     names, data, x, covariance = search.names, search.data, estimate.x, estimate.covariance
     first = np.sqrt(np.diag(covariance))
@@ -324,11 +330,25 @@ def _result(
     messages += [*_one_sided_warnings(names, first, errors), *_bound_warnings(names, x, low, high)]
     count, values = len(data), dict(zip(names, x.tolist(), strict=True))
     return Fit(
-        problem.model.replace(**values), names, values, dict(zip(names, errors.tolist(), strict=True)), covariance,
-        correlation, data, best.curve, best.amplitudes, best.residuals(best.deviation)[:count],
-        tuple(reference.kind for reference in best.references), best.jump_frequencies, estimate.mean_square, followed,
-        search.evaluations, tuple(messages), ending.status, ending.message_with_advice,
-    )  # fmt: skip
+        problem.model.replace(**values),
+        names,
+        values,
+        dict(zip(names, errors.tolist(), strict=True)),
+        covariance,
+        correlation,
+        data,
+        best.curve,
+        best.amplitudes,
+        best.residuals(best.deviation)[:count],
+        tuple(reference.kind for reference in best.references),
+        best.jump_frequencies,
+        estimate.mean_square,
+        followed,
+        search.evaluations,
+        tuple(messages),
+        ending.status,
+        ending.message_with_advice,
+    )
 
 
 def _one_sided_warnings(names: tuple[str, ...], first: Array, errors: Array) -> Iterator[str]:

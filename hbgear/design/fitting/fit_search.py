@@ -56,9 +56,13 @@ class FitSearch:
     """Nonlinear least squares from several starts; the best prediction is kept."""
 
     def __init__(
-        self, problem: HarmonicBalance, data: Measurements, names: tuple[str, ...], span: tuple[float, float],
+        self,
+        problem: HarmonicBalance,
+        data: Measurements,
+        names: tuple[str, ...],
+        span: tuple[float, float],
         progress: ProgressCallback | None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.problem, self.data, self.names, self.span, self.progress = problem, data, names, span, progress
         self.evaluations = self.followed = 0
         self.best: Prediction | None = None
@@ -167,9 +171,18 @@ class FitSearch:
                 # without parameters whose effect is rounding
                 return J * (np.linalg.norm(J, axis=0) * np.abs(x) > MIN_EFFECT)
 
-            result = least_squares(residuals, x, jacobian, (low, high), xtol=VALUE_TOLERANCE[final],
-                                  ftol=COST_TOLERANCE[final], loss="linear" if final else "soft_l1", f_scale=3.0,
-                                  x_scale=np.maximum(np.abs(x), 1e-3 * (high - low)), max_nfev=30)  # fmt: skip
+            result = least_squares(
+                residuals,
+                x,
+                jacobian,
+                (low, high),
+                xtol=VALUE_TOLERANCE[final],
+                ftol=COST_TOLERANCE[final],
+                loss="linear" if final else "soft_l1",
+                f_scale=3.0,
+                x_scale=np.maximum(np.abs(x), 1e-3 * (high - low)),
+                max_nfev=30,
+            )
             x = result.x
 
     def _approach(self, start: Array, low: Array, high: Array) -> Array:
@@ -193,8 +206,17 @@ class FitSearch:
             prediction = self.at(x)
             return np.zeros((len(worst), len(x))) if prediction is None else prediction.distance_jacobian
 
-        result = least_squares(distances, start, jacobian, (low, high), loss="soft_l1", xtol=2e-2, ftol=1e-1,
-                              x_scale=np.maximum(np.abs(start), 1e-3 * (high - low)), max_nfev=20)  # fmt: skip
+        result = least_squares(
+            distances,
+            start,
+            jacobian,
+            (low, high),
+            loss="soft_l1",
+            xtol=2e-2,
+            ftol=1e-1,
+            x_scale=np.maximum(np.abs(start), 1e-3 * (high - low)),
+            max_nfev=20,
+        )
         return result.x
 
     def _check_unit(self) -> None:

@@ -35,18 +35,52 @@ def _is_deviation(unit: str) -> bool:
 
 
 KINDS = (
-    Kind("frequency",
-         {"frequency": "", "freq": "", "f": "", "Omega": "", "omega": None, "angular frequency": None,
-          "mesh frequency": None, "excitation frequency": None, "Hz": "Hz", "rpm": "r/min", **dict.fromkeys(_SPEEDS)},
-         lambda unit: unit == "" or unit in FREQUENCY, f"{', '.join(FREQUENCY)}, - (Omega)"),
-    Kind("amplitude",
-         dict.fromkeys(("amplitude", "a", "x", "d", "y", "displacement", "gap", "half peak to peak",
-                        *_TRANSMISSION_ERRORS, *BUILT_IN_MEASURES), ""), _is_length,
-         "um, mm, m, - (unit of the model)"),
+    Kind(
+        "frequency",
+        {
+            "frequency": "",
+            "freq": "",
+            "f": "",
+            "Omega": "",
+            "omega": None,
+            "angular frequency": None,
+            "mesh frequency": None,
+            "excitation frequency": None,
+            "Hz": "Hz",
+            "rpm": "r/min",
+            **dict.fromkeys(_SPEEDS),
+        },
+        lambda unit: unit == "" or unit in FREQUENCY,
+        f"{', '.join(FREQUENCY)}, - (Omega)",
+    ),
+    Kind(
+        "amplitude",
+        dict.fromkeys(
+            (
+                "amplitude",
+                "a",
+                "x",
+                "d",
+                "y",
+                "displacement",
+                "gap",
+                "half peak to peak",
+                *_TRANSMISSION_ERRORS,
+                *BUILT_IN_MEASURES,
+            ),
+            "",
+        ),
+        _is_length,
+        "um, mm, m, - (unit of the model)",
+    ),
     Kind("direction", dict.fromkeys(("direction", "sweep", "sweep direction", "dir"), ""), "".__eq__, "-"),
-    Kind("deviation", dict.fromkeys(("deviation", "standard deviation", "std", "sigma", "uncertainty"), ""),
-         _is_deviation, "um, mm, m, %, - (unit of the amplitude)"),
-)  # fmt: skip
+    Kind(
+        "deviation",
+        dict.fromkeys(("deviation", "standard deviation", "std", "sigma", "uncertainty"), ""),
+        _is_deviation,
+        "um, mm, m, %, - (unit of the amplitude)",
+    ),
+)
 """Columns of a table of measurements."""
 
 ROLES = tuple(kind.role for kind in KINDS)
@@ -119,8 +153,10 @@ def measurements_of(
     table = data_table(content, name, KINDS, default)
     columns_by_role = table.columns(KINDS, columns, assumed)
     if "frequency" not in columns_by_role:
-        raise ValueError(f"'{name}' has no frequency, only {', '.join(map(quoted, table.headings))}; need a column "
-                         "such as 'n [r/min]', 'frequency [Hz]' or 'Omega'")  # fmt: skip
+        raise ValueError(
+            f"'{name}' has no frequency, only {', '.join(map(quoted, table.headings))}; need a column "
+            "such as 'n [r/min]', 'frequency [Hz]' or 'Omega'"
+        )
     frequency_unit, factor = _frequency(columns_by_role["frequency"], unit)
     measure = _measure(columns_by_role.get("amplitude"), settings)
     return _measurements(columns_by_role, frequency_unit, factor, settings | measure)
@@ -131,8 +167,10 @@ def _frequency(column: Column, given_unit: str | None) -> tuple[str, float]:
     is_speed = normal(split(column.heading)[0]) in _SPEEDS
     text = f"'{column.file}': the column {quoted(column.heading)}"
     if is_speed and column.unit in ("Hz", "kHz", "mHz", "MHz"):
-        raise ValueError(f"{text} may be the mesh frequency or turns per second; write 'mesh frequency [Hz]' or give "
-                         "the speed in [r/min]")  # fmt: skip
+        raise ValueError(
+            f"{text} may be the mesh frequency or turns per second; write 'mesh frequency [Hz]' or give "
+            "the speed in [r/min]"
+        )
     if column.unit == "":
         unit, factor = "Omega", 1.0
     elif is_speed or column.unit in ("r/min", "r/s", "deg/s"):
@@ -155,8 +193,10 @@ def _measure(column: Column | None, settings: Mapping[str, Any]) -> dict[str, An
     if column is None or name not in BUILT_IN_MEASURES:
         return {}
     if settings.get("measure", name) != name:
-        raise ValueError(f"'{column.file}': the column {quoted(column.heading)} is {name}, and measure = "
-                         f"{quoted(settings['measure'])} was given; give the same measure")  # fmt: skip
+        raise ValueError(
+            f"'{column.file}': the column {quoted(column.heading)} is {name}, and measure = "
+            f"{quoted(settings['measure'])} was given; give the same measure"
+        )
     return {"measure": name}
 
 
@@ -184,8 +224,10 @@ def _measurements(roles: Mapping[str, Column], unit: str, factor: float, setting
     arguments = {key: value for key, value in settings.items() if key != "direction"}
     arguments |= {"unit": unit, "length": "" if amplitude is None else amplitude.unit}
     if len({len(point) for point in points}) > 1:
-        raise ValueError(f"'{roles['frequency'].file}': some amplitudes have a deviation and some have none; give one "
-                         "for each of them or for none")  # fmt: skip
+        raise ValueError(
+            f"'{roles['frequency'].file}': some amplitudes have a deviation and some have none; give one "
+            "for each of them or for none"
+        )
     if not points:
         return Measurements([], [], jumps=jumps, **arguments)
     columns = np.array(points, dtype=float).T

@@ -39,9 +39,14 @@ MIN_BOUND_DISTANCE = 0.1
 
 
 def profile_interval(
-    best: Prediction, at: Callable[[Array], Prediction | None], x: Array, covariance: Array, unit: float, low: Array,
+    best: Prediction,
+    at: Callable[[Array], Prediction | None],
+    x: Array,
+    covariance: Array,
+    unit: float,
+    low: Array,
     high: Array,
-) -> Array:  # fmt: skip
+) -> Array:
     """Return standard errors (A,) for the side with the slower increase of the sum of squares; nan without a curve.
 
     x (A,) is the estimate, ``covariance`` (A, A) that of first order, nan where it is not determined. ``at`` returns

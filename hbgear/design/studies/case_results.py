@@ -244,17 +244,28 @@ class Cases:
             curves = np.concatenate(rows) if rows else np.empty((0, 4))
             with atomic_write(path) as handle:
                 np.savez(
-                    handle, jump_table=self.jumps, curve_table=curves, curve_measure=np.array(self.work.measure),
-                    curve_element=np.array(self.work.element), **self.table,
-                )  # fmt: skip
+                    handle,
+                    jump_table=self.jumps,
+                    curve_table=curves,
+                    curve_measure=np.array(self.work.measure),
+                    curve_element=np.array(self.work.element),
+                    **self.table,
+                )
         else:
             raise ValueError(f"'{path}' must end in .csv or .npz")
 
 
 def collect(
-    model: Model, work: Work, names: tuple[str, ...], plan: list[dict[str, Any]], keys: list[str],
-    results: Mapping[str, Result], outcome: Outcome, message: str, packed: Callable[[int], bytes],
-) -> Cases:  # fmt: skip
+    model: Model,
+    work: Work,
+    names: tuple[str, ...],
+    plan: list[dict[str, Any]],
+    keys: list[str],
+    results: Mapping[str, Result],
+    outcome: Outcome,
+    message: str,
+    packed: Callable[[int], bytes],
+) -> Cases:
     """Return the results of the finished cases, in the order of the plan."""
     rows = [(i, plan[i], results[key]) for i, key in enumerate(keys) if key in results]
     table: dict[str, Any] = {"case": np.array([i for i, *_ in rows], dtype=int)}

@@ -36,11 +36,13 @@ METHODS = ("latin-hypercube", "monte-carlo", "saltelli")
 DISTRIBUTIONS: dict[str, tuple[tuple[str, ...], Callable[..., Any]]] = {
     "uniform": (("low", "high"), lambda s, a, b: s.uniform(a, b - a)),
     "normal": (("mean", "deviation"), lambda s, mean, d: s.norm(mean, d)),
-    "truncated_normal": (("mean", "deviation", "low", "high"),
-                         lambda s, mean, d, a, b: s.truncnorm((a - mean) / d, (b - mean) / d, mean, d)),
+    "truncated_normal": (
+        ("mean", "deviation", "low", "high"),
+        lambda s, mean, d, a, b: s.truncnorm((a - mean) / d, (b - mean) / d, mean, d),
+    ),
     "lognormal": (("median", "sigma"), lambda s, median, sigma: s.lognorm(sigma, scale=median)),
     "triangular": (("low", "mode", "high"), lambda s, a, c, b: s.triang((c - a) / (b - a), a, b - a)),
-}  # fmt: skip
+}
 """Distributions by name: names of their numbers, and distribution of scipy.stats.
 
 sigma is the standard deviation of the logarithm."""

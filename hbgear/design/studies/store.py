@@ -162,8 +162,14 @@ class Store:
 
     def write(self, key: str, inputs: Mapping[str, Any], result: Result) -> None:
         """Store a case atomically."""
-        head = {"hbgear": __version__, "inputs": dict(inputs), "numbers": result.numbers, "arrays": list(result.arrays),
-                "reason": result.reason, "seconds": result.seconds}  # fmt: skip
+        head = {
+            "hbgear": __version__,
+            "inputs": dict(inputs),
+            "numbers": result.numbers,
+            "arrays": list(result.arrays),
+            "reason": result.reason,
+            "seconds": result.seconds,
+        }
         path = self.path(key)
         path.parent.mkdir(parents=True, exist_ok=True)
         arrays = dict(result.arrays)

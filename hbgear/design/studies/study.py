@@ -248,9 +248,13 @@ class _Run:
             )
 
     def _compute(
-        self, pool: Executor, cls: type[Model] | str, pending: Mapping[str, dict[str, Any]], work: Work,
+        self,
+        pool: Executor,
+        cls: type[Model] | str,
+        pending: Mapping[str, dict[str, Any]],
+        work: Work,
         running: dict[Future[list[Result]], list[str]],
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Submit groups of cases and store their results; ``running`` contains the groups that are not finished."""
         queue, finished, group_size = deque(pending), SimpleQueue[Future[list[Result]]](), 1
         self._show()
@@ -271,9 +275,11 @@ class _Run:
             group_size = min(max(int(_GROUP_SECONDS / slowest), 1), _MAX_PENDING_GROUPS)
 
     def _finish(
-        self, running: Mapping[Future[list[Result]], list[str]], pending: Mapping[str, dict[str, Any]],
+        self,
+        running: Mapping[Future[list[Result]], list[str]],
+        pending: Mapping[str, dict[str, Any]],
         patience: float | None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Keep running cases that cannot be cancelled and finish within ``patience`` seconds."""
         uncancelled = [future for future in running if not future.cancel()]
         for future in wait(uncancelled, timeout=patience).done:

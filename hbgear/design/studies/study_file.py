@@ -126,8 +126,10 @@ def _checked(
     problems: list[tuple[KeyPath, str]] = []
     subject = None
     if isinstance(name, str) and ":" in name and not allow_code:
-        text = (f"model = {quoted(name)} would run that code, which is not allowed by default: read it, "
-                "then add --allow-code, in Python read_study(path, allow_code=True)")  # fmt: skip
+        text = (
+            f"model = {quoted(name)} would run that code, which is not allowed by default: read it, "
+            "then add --allow-code, in Python read_study(path, allow_code=True)"
+        )
         return [(("model",), text)], None, None
     if isinstance(name, str):
         try:
@@ -173,18 +175,36 @@ def _schema(subject: _Subject | None) -> Any:
         base = table("base", {n: (k, None) for n, k in kinds.items()})
         several = table("grid", {n: (Annotated[list[k], Field(min_length=1)], None) for n, k in kinds.items()})  # type: ignore[valid-type]
         random = table("parameters", {n: (drawn[n], None) for n, k in kinds.items() if _is_float(k)})
-    sample = table("sample", {
-        "method": (Literal[METHODS], METHODS[0]), "count": (Annotated[int, Field(ge=1)], ...),
-        "seed": (Annotated[int, Field(ge=0)], 0), "parameters": (random, ...),
-    })  # fmt: skip
-    compute = table("compute", {
-        "what": (list[Literal[KINDS]], ["peak", "jumps"]), "critical": (list[str], []),  # type: ignore[valid-type]
-        "harmonics": (Annotated[int, Field(ge=1)], 16),
-        "span": (Annotated[list[Annotated[float, Field(gt=0)] | str], Field(min_length=2, max_length=2)], None),
-        "measure": (str, "pp2"), "element": (int | str, 0),
-    })  # fmt: skip
-    return table("study", {"model": (str, ...), "base": (base, base()), "grid": (several, None),
-                           "sample": (sample, None), "compute": (compute, compute())})  # fmt: skip
+    sample = table(
+        "sample",
+        {
+            "method": (Literal[METHODS], METHODS[0]),
+            "count": (Annotated[int, Field(ge=1)], ...),
+            "seed": (Annotated[int, Field(ge=0)], 0),
+            "parameters": (random, ...),
+        },
+    )
+    compute = table(
+        "compute",
+        {
+            "what": (list[Literal[KINDS]], ["peak", "jumps"]),
+            "critical": (list[str], []),  # type: ignore[valid-type]
+            "harmonics": (Annotated[int, Field(ge=1)], 16),
+            "span": (Annotated[list[Annotated[float, Field(gt=0)] | str], Field(min_length=2, max_length=2)], None),
+            "measure": (str, "pp2"),
+            "element": (int | str, 0),
+        },
+    )
+    return table(
+        "study",
+        {
+            "model": (str, ...),
+            "base": (base, base()),
+            "grid": (several, None),
+            "sample": (sample, None),
+            "compute": (compute, compute()),
+        },
+    )
 
 
 def _entries(cls: type[Model], data: Mapping[str, Any]) -> list[str]:

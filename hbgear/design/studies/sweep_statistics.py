@@ -125,10 +125,15 @@ def sweep_statistics(
     rising, falling = (sweep_responses(found, frequencies, direction) for direction in (1, -1))
     stable = np.array([_stable_count(curve, frequencies) for curve in found.curves.values()])
     return SweepStatistics(
-        frequencies, levels, quantiles_of(rising.amplitude, levels), quantiles_of(falling.amplitude, levels),
-        (rising.jumped > 0).mean(axis=0), (falling.jumped > 0).mean(axis=0), (stable > 1).mean(axis=0),
+        frequencies,
+        levels,
+        quantiles_of(rising.amplitude, levels),
+        quantiles_of(falling.amplitude, levels),
+        (rising.jumped > 0).mean(axis=0),
+        (falling.jumped > 0).mean(axis=0),
+        (stable > 1).mean(axis=0),
         (stable > 0).mean(axis=0),
-    )  # fmt: skip
+    )
 
 
 def quantiles_of(amplitude: Array, levels: Array) -> Array:

@@ -95,9 +95,14 @@ class JumpTolerance:
 
 @checked_arguments(spread="standard deviations by name, such as {'zeta': 0.002}")
 def jump_tolerance(
-    branch: Branch, spread: Mapping[str, float], *, draws: int = 300, seed: int = 0, unit: str | None = None,
+    branch: Branch,
+    spread: Mapping[str, float],
+    *,
+    draws: int = 300,
+    seed: int = 0,
+    unit: str | None = None,
     progress: ProgressCallback | None = None,
-) -> tuple[JumpTolerance, ...]:  # fmt: skip
+) -> tuple[JumpTolerance, ...]:
     """Compute the scatter of jump frequencies for independent, normally distributed parameters.
 
     Parameters
@@ -163,9 +168,14 @@ def jump_tolerance(
 
 
 def _tolerance_of(
-    branch: Branch, jump: Jump, names: tuple[str, ...], s: Array, xi: Array, unit: str | None,
+    branch: Branch,
+    jump: Jump,
+    names: tuple[str, ...],
+    s: Array,
+    xi: Array,
+    unit: str | None,
     report: Callable[[int], None],
-) -> JumpTolerance:  # fmt: skip
+) -> JumpTolerance:
     """Return the scatter of one jump for standard deviations s (A,) and standard normal draws xi (D, A)."""
     derivatives = sensitivity(jump.before, names)
     physical = branch.parameter == "Omega" and PINION in derivatives.quantities
@@ -192,9 +202,15 @@ def _tolerance_of(
         speeds = {} if chosen == branch.parameter else speeds_at(branch.problem.model, {**parameters, "Omega": p})
         frequencies.append(speeds.get(chosen, p))
     return JumpTolerance(
-        jump.label, jump.direction, derivatives.size(chosen), dict(zip(names, (slopes * s).tolist(), strict=True)),
-        float(np.linalg.norm(slopes * s)), np.array(frequencies), lost, chosen,
-    )  # fmt: skip
+        jump.label,
+        jump.direction,
+        derivatives.size(chosen),
+        dict(zip(names, (slopes * s).tolist(), strict=True)),
+        float(np.linalg.norm(slopes * s)),
+        np.array(frequencies),
+        lost,
+        chosen,
+    )
 
 
 def _jump_of(

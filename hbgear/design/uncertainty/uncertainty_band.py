@@ -223,9 +223,14 @@ def _covariance(scatter: Mapping[str, float] | Fit) -> tuple[tuple[str, ...], Ar
 
 
 def _in_plane(
-    branch: Branch, problem: HarmonicBalance, names: tuple[str, ...], measure: str, element: int | str, unit: str,
+    branch: Branch,
+    problem: HarmonicBalance,
+    names: tuple[str, ...],
+    measure: str,
+    element: int | str,
+    unit: str,
     metres: float,
-) -> tuple[Array, Array, Array, Array]:  # fmt: skip
+) -> tuple[Array, Array, Array, Array]:
     """Return frequency and amplitude (P,), the direction of the curve (P, 2) and its displacements (P, A, 2)."""
     layout = layout_of(branch)
     if layout is None:
@@ -260,9 +265,14 @@ def _in_plane(
 
 
 def _scaled(
-    unit: str, factor: float, x: Array, dx: Array, units: Mapping[str, float], unit_slopes: Mapping[str, Array],
+    unit: str,
+    factor: float,
+    x: Array,
+    dx: Array,
+    units: Mapping[str, float],
+    unit_slopes: Mapping[str, Array],
     problem: HarmonicBalance,
-) -> tuple[Array, Array]:  # fmt: skip
+) -> tuple[Array, Array]:
     """Return values (P,) and derivatives (P, 1 + A) in a unit of the model, including the derivatives of the unit."""
     if unit not in units:
         raise ValueError(f"response_band: {type(problem.model).__name__} does not know its units; leave them out")

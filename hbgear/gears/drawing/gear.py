@@ -173,8 +173,10 @@ class Gear:  # numpydoc ignore=PR02
         if self.tip_diameter is not None and self.tip_alteration is not None:
             raise ValueError("Gear: tip_diameter and tip_alteration are both given; keep one")
         if (self.rim_thickness is None) != (self.web_thickness is None):
-            raise ValueError("Gear: rim_thickness and web_thickness must both be given, or none for a solid disc; the "
-                             "web of a rim that is as wide as its teeth is the face width")  # fmt: skip
+            raise ValueError(
+                "Gear: rim_thickness and web_thickness must both be given, or none for a solid disc; the "
+                "web of a rim that is as wide as its teeth is the face width"
+            )
         object.__setattr__(self, "pitch_errors", _checked_errors(self.pitch_errors, self.teeth))
         _check_diameters(self)
         if not self.internal:
@@ -366,13 +368,17 @@ def _checked_errors(values: Any, teeth: int) -> tuple[float, ...]:
         raise ValueError(f"Gear: pitch_errors = {quoted(values)} must be a sequence with one length for each tooth")
     errors = tuple(to_si("Gear", "pitch_errors", value, "m") for value in values)
     if errors and len(errors) != teeth:
-        raise ValueError(f"Gear: pitch_errors has {len(errors)} values for {teeth} teeth; give one for each tooth, "
-                         "the error of its position: numpy.cumsum of the single pitch deviations")  # fmt: skip
+        raise ValueError(
+            f"Gear: pitch_errors has {len(errors)} values for {teeth} teeth; give one for each tooth, "
+            "the error of its position: numpy.cumsum of the single pitch deviations"
+        )
     if any(not abs(error) <= MAX_TOOTH_ERROR for error in errors):
         largest = max(errors, key=lambda error: abs(error) if error == error else float("inf"))
-        raise ValueError(f"Gear: pitch_errors has the value {largest:g} m, beyond any machine (it must be at most "
-                         f"{MAX_TOOTH_ERROR:g} m in size); numbers are in m, other units are given as text such as "
-                         "'5 um'")  # fmt: skip
+        raise ValueError(
+            f"Gear: pitch_errors has the value {largest:g} m, beyond any machine (it must be at most "
+            f"{MAX_TOOTH_ERROR:g} m in size); numbers are in m, other units are given as text such as "
+            "'5 um'"
+        )
     return errors if any(errors) else ()
 
 
@@ -380,12 +386,17 @@ def _check_rack(gear: Gear) -> None:
     """Raise an error if a rack has properties of a body that turns."""
     if gear.internal:
         raise ValueError("Gear: internal and rack are both True; a rack has straight flanks: keep one")
-    names = [name for name in ("tip_diameter", "body_diameter", "inertia", "rim_thickness", "runout", "pitch_errors")
-             if getattr(gear, name)]  # fmt: skip
+    names = [
+        name
+        for name in ("tip_diameter", "body_diameter", "inertia", "rim_thickness", "runout", "pitch_errors")
+        if getattr(gear, name)
+    ]
     if names:
         remedy = {"tip_diameter": "addendum or tip_alteration", "inertia": "mass", "body_diameter": "mass"}
-        raise ValueError(f"Gear: {names[0]} belongs to a gear that turns, and this is a rack; "
-                         f"{f'give its {remedy[names[0]]}' if names[0] in remedy else f'omit {names[0]}'}")  # fmt: skip
+        raise ValueError(
+            f"Gear: {names[0]} belongs to a gear that turns, and this is a rack; "
+            f"{f'give its {remedy[names[0]]}' if names[0] in remedy else f'omit {names[0]}'}"
+        )
 
 
 def _check_diameters(gear: Gear) -> None:
@@ -395,22 +406,28 @@ def _check_diameters(gear: Gear) -> None:
     if root <= 0:
         raise ValueError(f"Gear: the root diameter would be {root * mm:.4g} mm; give more teeth or a larger module")
     if gear.sign * (tip - root) <= 0:
-        raise ValueError(f"Gear: tip_diameter = {tip * mm:.6g} mm must be {'below' if gear.internal else 'above'} "
-                         f"the root diameter of {root * mm:.6g} mm")  # fmt: skip
+        raise ValueError(
+            f"Gear: tip_diameter = {tip * mm:.6g} mm must be {'below' if gear.internal else 'above'} "
+            f"the root diameter of {root * mm:.6g} mm"
+        )
     if tip < base or (tip == base and not gear.internal):
         reason = "below the base circle there is no involute"
-        raise ValueError(f"Gear: the tip diameter of {tip * mm:.6g} mm must be above the base diameter of "
-                         f"{base * mm:.6g} mm: {reason}; give a larger profile_shift, tip_diameter or more teeth"
-                         if not gear.internal else
-                         f"Gear: the tip diameter of {tip * mm:.6g} mm of the ring must be above its base diameter "
-                         f"of {base * mm:.6g} mm: {reason}; give a larger tip_diameter, more "
-                         "teeth, or a smaller profile_shift (positive values make the teeth of a ring thicker and "
-                         "move its tips inwards; many catalogues count the shift of rings outwards, with the "
-                         "opposite sign)")  # fmt: skip
+        raise ValueError(
+            f"Gear: the tip diameter of {tip * mm:.6g} mm must be above the base diameter of "
+            f"{base * mm:.6g} mm: {reason}; give a larger profile_shift, tip_diameter or more teeth"
+            if not gear.internal
+            else f"Gear: the tip diameter of {tip * mm:.6g} mm of the ring must be above its base diameter "
+            f"of {base * mm:.6g} mm: {reason}; give a larger tip_diameter, more "
+            "teeth, or a smaller profile_shift (positive values make the teeth of a ring thicker and "
+            "move its tips inwards; many catalogues count the shift of rings outwards, with the "
+            "opposite sign)"
+        )
     if body and gear.sign * (root - body) <= 0:
-        raise ValueError(f"Gear: body_diameter = {body * mm:.6g} mm must be {'above' if gear.internal else 'below'}"
-                         f" the root diameter of {root * mm:.6g} mm: it is the "
-                         f"{'outside of the ring' if gear.internal else 'bore'}")  # fmt: skip
+        raise ValueError(
+            f"Gear: body_diameter = {body * mm:.6g} mm must be {'above' if gear.internal else 'below'}"
+            f" the root diameter of {root * mm:.6g} mm: it is the "
+            f"{'outside of the ring' if gear.internal else 'bore'}"
+        )
 
 
 def _check_undercut(gear: Gear) -> None:
@@ -423,15 +440,21 @@ def _check_undercut(gear: Gear) -> None:
         * cos(gear.helix_angle)
         / sin(gear.transverse_pressure_angle) ** 2
     )
-    teeth = (f"{gear.teeth} teeth with profile_shift = {gear.profile_shift:g} and a pressure angle of "
-             f"{degrees(gear.pressure_angle):g} deg")  # fmt: skip
+    teeth = (
+        f"{gear.teeth} teeth with profile_shift = {gear.profile_shift:g} and a pressure angle of "
+        f"{degrees(gear.pressure_angle):g} deg"
+    )
     remedy = f"profile_shift of at least {gear._smallest_shift:.3f}, or {ceil(min_teeth)} teeth or more"
     form, tip, mm = gear.form_diameter, gear.tip_diameter_used, 1e3
     if isnan(form) or form >= tip or float(gear.fillet(FILLET_STEPS)[1].min()) <= 0:
-        raise ValueError(f"Gear: {teeth} are undercut, which leaves no involute below the tip diameter of "
-                         f"{tip * mm:.6g} mm: give {remedy}")  # fmt: skip
-    warn(f"Gear: {teeth} are undercut: the involute begins at a diameter of {form * mm:.6g} mm above the base "
-         f"diameter of {gear.base_diameter * mm:.6g} mm; {remedy} avoid it")  # fmt: skip
+        raise ValueError(
+            f"Gear: {teeth} are undercut, which leaves no involute below the tip diameter of "
+            f"{tip * mm:.6g} mm: give {remedy}"
+        )
+    warn(
+        f"Gear: {teeth} are undercut: the involute begins at a diameter of {form * mm:.6g} mm above the base "
+        f"diameter of {gear.base_diameter * mm:.6g} mm; {remedy} avoid it"
+    )
 
 
 def _check_tip(gear: Gear) -> None:

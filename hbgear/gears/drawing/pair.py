@@ -89,8 +89,9 @@ class GearPair:  # numpydoc ignore=PR02
         for name in ("pinion", "wheel"):
             check("GearPair", name, getattr(self, name), Gear)
         if not isinstance(self.backlash_measure, str) or self.backlash_measure not in MEASURES:
-            raise ValueError(f"GearPair: backlash_measure = {quoted(self.backlash_measure)} must be one of "
-                             f"{', '.join(MEASURES)}")  # fmt: skip
+            raise ValueError(
+                f"GearPair: backlash_measure = {quoted(self.backlash_measure)} must be one of {', '.join(MEASURES)}"
+            )
         _check_fit(self)
         _check_distance(self)
         for name, k in zip(("pinion", "wheel"), default_alterations(self.engagement), strict=True):
@@ -311,11 +312,15 @@ def _check_fit(pair: GearPair) -> None:
         if getattr(p, name):
             raise ValueError(f"GearPair: {name} = True for the pinion; give the {kind} as the wheel")
     if abs(p.module - w.module) > 1e-6 * p.module:
-        raise ValueError(f"GearPair: modules of {p.module * 1e3:g} mm and {w.module * 1e3:g} mm do not mesh; "
-                         "give both gears the same normal module")  # fmt: skip
+        raise ValueError(
+            f"GearPair: modules of {p.module * 1e3:g} mm and {w.module * 1e3:g} mm do not mesh; "
+            "give both gears the same normal module"
+        )
     if abs(p.pressure_angle - w.pressure_angle) > 1e-6:
-        raise ValueError(f"GearPair: pressure angles of {degrees(p.pressure_angle):g} deg and "
-                         f"{degrees(w.pressure_angle):g} deg do not mesh; give both the same")  # fmt: skip
+        raise ValueError(
+            f"GearPair: pressure angles of {degrees(p.pressure_angle):g} deg and "
+            f"{degrees(w.pressure_angle):g} deg do not mesh; give both the same"
+        )
     required = p.helix_angle if w.internal else -p.helix_angle
     if abs(w.helix_angle - required) > 1e-6:
         rule = "of the same hand" if w.internal else "of opposite hands"
@@ -332,8 +337,10 @@ def _check_distance(pair: GearPair) -> None:
     """Raise ValueError if the centre distance or the profile shifts allow no mesh."""
     minimum = abs(pair._signed_base_radius)
     if pair.center_distance is not None and pair.working_center_distance <= minimum and not pair.wheel.rack:
-        raise ValueError(f"GearPair: center_distance = {pair.center_distance * 1e3:.6g} mm must be above "
-                         f"{minimum * 1e3:.6g} mm, where the base circles touch")  # fmt: skip
+        raise ValueError(
+            f"GearPair: center_distance = {pair.center_distance * 1e3:.6g} mm must be above "
+            f"{minimum * 1e3:.6g} mm, where the base circles touch"
+        )
     if pair.center_distance is None and pair._working_involute <= 0:
         shifts = f"profile shifts of {pair.pinion.profile_shift:g} and {pair.wheel.profile_shift:g}"
         remedy = "increase them"

@@ -29,12 +29,14 @@ from hbgear.common.arrays import Array
 from hbgear.gears.drawing.gear import Gear
 from hbgear.gears.drawing.geometry import involute
 
-FOUNDATION_COEFFICIENTS = np.array([
-    [-5.574e-5, -1.9986e-3, -2.3015e-4, 4.7702e-3, 0.0271, 6.8045],
-    [60.111e-5, 28.100e-3, -83.431e-4, -9.9256e-3, 0.1624, 0.9086],
-    [-50.952e-5, 185.50e-3, 0.0538e-4, 53.300e-3, 0.2895, 0.9236],
-    [-6.2042e-5, 9.0889e-3, -4.0964e-4, 7.8297e-3, -0.1472, 0.6904],
-])  # fmt: skip
+FOUNDATION_COEFFICIENTS = np.array(
+    [
+        [-5.574e-5, -1.9986e-3, -2.3015e-4, 4.7702e-3, 0.0271, 6.8045],
+        [60.111e-5, 28.100e-3, -83.431e-4, -9.9256e-3, 0.1624, 0.9086],
+        [-50.952e-5, 185.50e-3, 0.0538e-4, 53.300e-3, 0.2895, 0.9236],
+        [-6.2042e-5, 9.0889e-3, -4.0964e-4, 7.8297e-3, -0.1472, 0.6904],
+    ]
+)
 """Coefficients of Sainsot et al.: rows L, M, P, Q; columns 1/theta^2, h^2, h/theta, 1/theta, h, 1."""
 RADIUS_RATIO = 1.4  # h, root radius over the radius at which the body is held; the smallest value of the fit
 RACK_TEETH = 1000.0  # number of teeth that represents a rack

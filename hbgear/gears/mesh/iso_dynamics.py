@@ -55,9 +55,14 @@ class _Weights(NamedTuple):
             return _Weights(0.32, 0.34, 0.23, 0.90, 0.47, 0.47, above)
         above = 0.125 * sin(pi * (ratio - 2)) + 0.875 if ratio <= 2.5 else 1.0
         return _Weights(
-            0.32, 0.57 / (ratio - 0.3), 0.096 / (ratio - 1.56), (0.57 - 0.05 * ratio) / (ratio - 1.44),
-            0.47, 0.12 / (ratio - 1.74), above,
-        )  # fmt: skip
+            0.32,
+            0.57 / (ratio - 0.3),
+            0.096 / (ratio - 1.56),
+            (0.57 - 0.05 * ratio) / (ratio - 1.44),
+            0.47,
+            0.12 / (ratio - 1.74),
+            above,
+        )
 
 
 def deviations(gear: Gear, grade: int) -> tuple[float, float]:

@@ -48,9 +48,16 @@ def iso_stiffness(pair: GearPair, torque: float | None = None) -> IsoStiffness:
     x_1, x_2, u_1, u_2 = p.profile_shift, w.profile_shift, 1 / p.virtual_teeth, 1 / w.virtual_teeth
     u_2 = 0.0 if w.internal else u_2
     q = (
-        0.04723 + 0.15551 * u_1 + 0.25791 * u_2 - 0.00635 * x_1 - 0.11654 * x_1 * u_1 - 0.00193 * x_2
-        - 0.24188 * x_2 * u_2 + 0.00529 * x_1**2 + 0.00182 * x_2**2
-    )  # fmt: skip
+        0.04723
+        + 0.15551 * u_1
+        + 0.25791 * u_2
+        - 0.00635 * x_1
+        - 0.11654 * x_1 * u_1
+        - 0.00193 * x_2
+        - 0.24188 * x_2 * u_2
+        + 0.00529 * x_1**2
+        + 0.00182 * x_2**2
+    )
     rack_factor = (_rack_factor(p) + _rack_factor(w)) / 2
     modulus_ratio = 2 * p.E * w.E / (p.E + w.E) / STEEL_MODULUS
     rim_factor = (blank_factor(p) + blank_factor(w)) / 2

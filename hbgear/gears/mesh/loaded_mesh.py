@@ -106,8 +106,10 @@ def loading_torque(caller: str, torque: Any) -> float:
     """Return a torque [N m]; ValueError, which names the caller, if it is not positive."""
     value = to_si(caller, "torque", torque, "N m")
     if value <= 0:
-        raise ValueError(f"{caller}: torque = {value:g} N m must be positive: the mesh is computed under load, and a "
-                         "model without a mean torque needs torque orders")  # fmt: skip
+        raise ValueError(
+            f"{caller}: torque = {value:g} N m must be positive: the mesh is computed under load, and a "
+            "model without a mean torque needs torque orders"
+        )
     return value
 
 

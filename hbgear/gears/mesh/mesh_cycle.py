@@ -195,8 +195,10 @@ class MeshCycle:  # numpydoc ignore=PR02
         lowest = float(self.stiffness.value.min())
         if lowest <= 0:
             phase = float(self.stiffness.phase[np.argmin(self.stiffness.value)])
-            raise ValueError(f"the mesh stiffness is {lowest:g} N/m at {phase:g} of the cycle; it must be positive "
-                             "throughout: check the column and its unit, and do not subtract the mean")  # fmt: skip
+            raise ValueError(
+                f"the mesh stiffness is {lowest:g} N/m at {phase:g} of the cycle; it must be positive "
+                "throughout: check the column and its unit, and do not subtract the mean"
+            )
 
     @classmethod
     def loaded(cls, stiffness: MeshTable, static_error: MeshTable, force: Any) -> MeshCycle:

@@ -56,8 +56,10 @@ class MeshExcitation(Model):
         owner = type(self).__name__
         counted(f"{owner}: mesh_order", self.mesh_order, MOST_HARMONICS)
         if self.fluctuation is not None and not isinstance(self.fluctuation, Series):
-            raise ValueError(f"{owner}: fluctuation = {quoted(self.fluctuation)} must be a Series, such as "
-                             "Series(cosine=(0.0, 0.1)) for the order 2 of Omega")  # fmt: skip
+            raise ValueError(
+                f"{owner}: fluctuation = {quoted(self.fluctuation)} must be a Series, such as "
+                "Series(cosine=(0.0, 0.1)) for the order 2 of Omega"
+            )
         if self.mesh_order > 1:
             low, high = type(self).default_span
             object.__setattr__(self, "default_span", (low / self.mesh_order, high / self.mesh_order))
@@ -229,8 +231,10 @@ def checked_lags(owner: str, name: str, values: tuple[float, ...], lag: Any) -> 
     """
     out = amplitudes(owner, f"{name}_lag", lag)
     if out and len(out) != len(values):
-        raise ValueError(f"{owner}: {name}_lag has {len(out)} entries and {name} has {len(values)}: give one lag for "
-                         "each amplitude, or () for none")  # fmt: skip
+        raise ValueError(
+            f"{owner}: {name}_lag has {len(out)} entries and {name} has {len(values)}: give one lag for "
+            "each amplitude, or () for none"
+        )
     return out
 
 
@@ -260,6 +264,8 @@ def scales_of(owner: str, reference: tuple[float, ...], mesh_order: int = 1) -> 
     if not reference:
         return None
     if len(reference) != 4 or not all(x > 0 for x in reference):
-        raise ValueError(f"{owner}: reference = {reference!r} must be omega_n [rad/s], b_c [m], k_mean b_c [N] and the "
-                         "number of teeth of the pinion, all positive; or ()")  # fmt: skip
+        raise ValueError(
+            f"{owner}: reference = {reference!r} must be omega_n [rad/s], b_c [m], k_mean b_c [N] and the "
+            "number of teeth of the pinion, all positive; or ()"
+        )
     return Scales(*reference, mesh_order)

@@ -149,10 +149,14 @@ class Flank:
     def scaled(self, stiffness: float, length: float) -> Flank:
         """Return the flank with its stiffness and its gaps times factors."""
         return Flank(
-            self.side, self.stiffness.plus(0.0, stiffness), self.gap.plus(0.0, length), length * self.half_backlash,
-            self.lag, {p: length * error for p, error in self.errors.items()},
+            self.side,
+            self.stiffness.plus(0.0, stiffness),
+            self.gap.plus(0.0, length),
+            length * self.half_backlash,
+            self.lag,
+            {p: length * error for p, error in self.errors.items()},
             tuple(wave._replace(amplitude=length * wave.amplitude) for wave in self.waves),
-        )  # fmt: skip
+        )
 
     def added_gap(self, pair: int, t: Array) -> Array:
         """Return the gap by errors of a pair and by waves at times in mesh periods."""

@@ -78,9 +78,12 @@ def _total(force: Array, steps: int) -> Array:
 
 
 def pair_forces(
-    flanks: Sequence[Flank], displacement: Callable[[Array], Array], pairs: int, half_backlash: float = 0.0,
+    flanks: Sequence[Flank],
+    displacement: Callable[[Array], Array],
+    pairs: int,
+    half_backlash: float = 0.0,
     steps: int = STEPS_PER_MESH,
-) -> PairForces:  # fmt: skip
+) -> PairForces:
     """Compute the forces on successive pairs of teeth; see the equations in the module header.
 
     The displacement along the line of action is a function of time [mesh periods], with a period of ``pairs``, the

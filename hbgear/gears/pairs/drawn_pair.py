@@ -160,8 +160,12 @@ class DrawnPair(Model):  # numpydoc ignore=PR02
     ranges: ClassVar[Mapping[str, Range]] = {name: parameter.allowed for name, parameter in PARAMETERS.items()}
 
     def __post_init__(self) -> None:
-        orders = checked_orders("DrawnPair", [tuple(row) for row in self.torque_orders] if isinstance(
-            self.torque_orders, list | tuple) else self.torque_orders)  # fmt: skip
+        orders = checked_orders(
+            "DrawnPair",
+            [tuple(row) for row in self.torque_orders]
+            if isinstance(self.torque_orders, list | tuple)
+            else self.torque_orders,
+        )
         object.__setattr__(self, "torque_orders", orders)
         object.__setattr__(self, "friction", checked_friction("DrawnPair", self.friction))
         super().__post_init__()
@@ -174,9 +178,17 @@ class DrawnPair(Model):  # numpydoc ignore=PR02
     def _built(self, units: tuple[float, float] | None) -> Model:
         supports: Any = self.supports or None
         return build_model(
-            self.pair, self.torque, self.damping, self.form, supports=supports, mesh=self.mesh, cycle=self.cycle,
-            torque_orders=self.torque_orders, units=units, friction=self.friction,
-        )  # fmt: skip
+            self.pair,
+            self.torque,
+            self.damping,
+            self.form,
+            supports=supports,
+            mesh=self.mesh,
+            cycle=self.cycle,
+            torque_orders=self.torque_orders,
+            units=units,
+            friction=self.friction,
+        )
 
     @cached_property
     def equations(self) -> Model:

@@ -124,8 +124,10 @@ def build_model(
     if not isinstance(form, str) or form not in FORMS:
         raise ValueError(f"GearPair.model: form = {quoted(form)} must be one of {', '.join(FORMS)}")
     if pair.wheel.rack and form != "torsion":
-        raise ValueError(f"GearPair.model: the form {form!r} has a wheel that turns, and this wheel is a rack, which "
-                         "moves along its length only; give form='torsion'")  # fmt: skip
+        raise ValueError(
+            f"GearPair.model: the form {form!r} has a wheel that turns, and this wheel is a rack, which "
+            "moves along its length only; give form='torsion'"
+        )
     torque = to_si("GearPair.model", "torque", torque, "N m")
     zeta = DAMPING.read("GearPair.model", damping)
     check("GearPair.model", "cycle", cycle, MeshCycle | None)
@@ -136,8 +138,10 @@ def build_model(
         )
     orders = checked_orders("GearPair.model", torque_orders)
     if not torque and not any(amplitude for _, amplitude, _ in orders):
-        raise ValueError("GearPair.model: torque = 0 N m: the mesh is computed under load; give a torque, or "
-                         "torque_orders of a torque without a mean")  # fmt: skip
+        raise ValueError(
+            "GearPair.model: torque = 0 N m: the mesh is computed under load; give a torque, or "
+            "torque_orders of a torque without a mean"
+        )
     # the mesh of pairs that differ in backlash is computed once
     shape = pair if pair.center_distance is not None else replace(pair, backlash=None)
     side = 1 if torque >= 0 else -1
@@ -224,9 +228,12 @@ def _bearings(
         m = gear.mass_used
         kappa = support.stiffness / (m * omega_n**2)
         fields |= {
-            f"mu_{i}": m_c / m, f"kappa_{i}": kappa, f"zeta_{i}": support.damping * sqrt(kappa),
-            f"b_{i}": support.clearance / b_c, f"F_{i}": support.preload / (m * b_c * omega_n**2),
-        }  # fmt: skip
+            f"mu_{i}": m_c / m,
+            f"kappa_{i}": kappa,
+            f"zeta_{i}": support.damping * sqrt(kappa),
+            f"b_{i}": support.clearance / b_c,
+            f"F_{i}": support.preload / (m * b_c * omega_n**2),
+        }
     F_m = mesh.load * pair.transverse_force(torque) / (mesh.k_mean * b_c)
     return GearRotorBearing(zeta=zeta, F_m=F_m, reference=reference, **fields, **mesh.fields)
 
@@ -257,15 +264,30 @@ def _spatial(
         if support.tilt is None:
             raise ValueError(_NO_TILT)
         if support.clearance or support.preload:
-            raise ValueError("GearPair.model: the form 'spatial' has no clearance or preload in its supports; "
-                             "form='bearings' has")  # fmt: skip
+            raise ValueError(
+                "GearPair.model: the form 'spatial' has no clearance or preload in its supports; form='bearings' has"
+            )
         fields |= {
-            f"r_{name}": gear.base_diameter / 2, f"teeth_{name}": gear.teeth, f"m_{name}": gear.mass_used,
-            f"I_{name}": gear.inertia_used, f"D_{name}": gear.transverse_inertia, f"k_{name}": support.stiffness,
-            f"k_{name}z": support.axial, f"k_{name}t": support.tilt, f"zeta_{name}": support.damping,
-        }  # fmt: skip
+            f"r_{name}": gear.base_diameter / 2,
+            f"teeth_{name}": gear.teeth,
+            f"m_{name}": gear.mass_used,
+            f"I_{name}": gear.inertia_used,
+            f"D_{name}": gear.transverse_inertia,
+            f"k_{name}": support.stiffness,
+            f"k_{name}z": support.axial,
+            f"k_{name}t": support.tilt,
+            f"zeta_{name}": support.damping,
+        }
     return HelicalPair(
-        zeta=zeta, torque=torque, k_mean=mesh.k_mean, b_c=mesh.b_c, internal=pair.wheel.internal,
-        alpha_deg=degrees(pair.working_pressure_angle), beta_deg=degrees(pair.pinion.base_helix_angle),
-        phi_deg=degrees(direction), output=None if mesh.output == 1 else mesh.output, **fields, **mesh.fields,
-    )  # fmt: skip
+        zeta=zeta,
+        torque=torque,
+        k_mean=mesh.k_mean,
+        b_c=mesh.b_c,
+        internal=pair.wheel.internal,
+        alpha_deg=degrees(pair.working_pressure_angle),
+        beta_deg=degrees(pair.pinion.base_helix_angle),
+        phi_deg=degrees(direction),
+        output=None if mesh.output == 1 else mesh.output,
+        **fields,
+        **mesh.fields,
+    )

@@ -133,8 +133,12 @@ class SpurPair(MeshExcitation):  # numpydoc ignore=PR02
     default_span: ClassVar[tuple[float, float]] = (1.5, 0.3)
     ranges: ClassVar[Mapping[str, Range]] = {"zeta": NOT_NEGATIVE, "b": NOT_NEGATIVE}
     usual: ClassVar[Mapping[str, Range]] = {
-        "zeta": Range(0, 1), "F_m": Range(-20, 20), "b": Range(0, 100), "eps": Range(-1, 1), "e": Range(-20, 20),
-    }  # fmt: skip
+        "zeta": Range(0, 1),
+        "F_m": Range(-20, 20),
+        "b": Range(0, 100),
+        "eps": Range(-1, 1),
+        "e": Range(-20, 20),
+    }
 
     def system(self) -> System:
         """Return the equation of motion in the coordinate q = x + e(tau); the mesh is the only spring."""

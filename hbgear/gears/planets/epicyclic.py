@@ -173,10 +173,13 @@ class EpicyclicSet(EpicyclicLayout):  # numpydoc ignore=PR02
         S_F = S / (train.k_mean * train.b_c)
         mean = Load(constant=S_F * np.array([torques.get(name, 0.0) for name in self._coordinates]))
         return System(
-            M=np.diag(J * S**2 / train.m_c), C=None, K=np.zeros((len(J), len(J))), elements=gaps,
+            M=np.diag(J * S**2 / train.m_c),
+            C=None,
+            K=np.zeros((len(J), len(J))),
+            elements=gaps,
             load=[mean, *self._fluctuations(S_F)],
             dof_names=[f"u_{name}" for name in self._coordinates],
-        )  # fmt: skip
+        )
 
     def _fluctuations(self, scale: Array) -> list[Load]:
         """Return the loads T cos(order theta + phase) of the driver, theta its angle since tau = 0."""

@@ -64,8 +64,10 @@ class EpicyclicLayout(Model):
         "fluctuation_scale": "factor of the torque orders",
     }
     ranges: ClassVar[Mapping[str, Range]] = {
-        "carrier_inertia": POSITIVE, "torque": POSITIVE, "backlash_scale": Range(low=0, high=1e6),
-    }  # fmt: skip
+        "carrier_inertia": POSITIVE,
+        "torque": POSITIVE,
+        "backlash_scale": Range(low=0, high=1e6),
+    }
 
     @property
     def title(self) -> str:
@@ -108,13 +110,16 @@ class EpicyclicLayout(Model):
         for mesh in self.meshes:
             contacts = mesh.contacts
             if contacts is not None and (contacts.sliding is not None or contacts.meshes > 1):
-                raise ValueError(f"EpicyclicSet: the mesh {mesh.name} has friction or errors of single teeth, which "
-                                 "are equal for all planets here; give a mesh without them")  # fmt: skip
+                raise ValueError(
+                    f"EpicyclicSet: the mesh {mesh.name} has friction or errors of single teeth, which "
+                    "are equal for all planets here; give a mesh without them"
+                )
         for body in self.bodies:
             wrong = next((name for name in body if name not in self._planet_gears), None)
             if wrong is not None:
-                raise ValueError(f"EpicyclicSet: bodies: '{wrong}' is no gear of a planet"
-                                 f"{did_you_mean(wrong, self._planet_gears)}")  # fmt: skip
+                raise ValueError(
+                    f"EpicyclicSet: bodies: '{wrong}' is no gear of a planet{did_you_mean(wrong, self._planet_gears)}"
+                )
             axes = {(self._by_name[name].x, self._by_name[name].y) for name in body}
             if len(axes) > 1:
                 raise ValueError(f"EpicyclicSet: bodies: the gears {', '.join(body)} of one planet have different axes")
@@ -228,9 +233,14 @@ class EpicyclicLayout(Model):
             c, s = cos(2 * pi * n / self.planets), sin(2 * pi * n / self.planets)
             for name in self._planet_gears:
                 original = self._by_name[name]
-                wheels.append(dataclasses.replace(
-                    original, name=name + group, x=c * original.x - s * original.y, y=s * original.x + c * original.y
-                ))  # fmt: skip
+                wheels.append(
+                    dataclasses.replace(
+                        original,
+                        name=name + group,
+                        x=c * original.x - s * original.y,
+                        y=s * original.x + c * original.y,
+                    )
+                )
         meshes = [self._copied(mesh, n, group) for n, group in enumerate(groups) for mesh in self.meshes]
         shafts = self._shafts(groups)
         by_name = {wheel.name: wheel for wheel in wheels}
@@ -240,41 +250,17 @@ class EpicyclicLayout(Model):
             drives = side * self._turning(outer) > 0
             if drives != (mesh.first == outer):
                 meshes[j] = driven(mesh, by_name)
-        self._orient(wheels, shafts, meshes)
+        stepped = [f"{name}{n + 1}" for n in range(1, self.planets) for body in self.bodies for name in body]
+        _orient(wheels, shafts, meshes, stepped)
         self._check_assembly(wheels, shafts, meshes)
         return Train(
-            tuple(wheels), tuple(meshes), shafts, backlash_scale=self.backlash_scale, eps_scale=self.eps_scale,
+            tuple(wheels),
+            tuple(meshes),
+            shafts,
+            backlash_scale=self.backlash_scale,
+            eps_scale=self.eps_scale,
             e_scale=self.e_scale,
-        )  # fmt: skip
-
-    def _orient(self, wheels: list[Wheel], shafts: tuple[Shaft, ...], meshes: list[Mesh]) -> None:
-        """Turn stepped planets by whole teeth of one gear until their other gears match the teeth of the mates."""
-        indices = {wheel.name: i for i, wheel in enumerate(wheels)}
-
-        def mismatch() -> Array:
-            by_name = {wheel.name: wheel for wheel in wheels}
-            return np.array(phase_mismatch(by_name, meshes, kinematics(by_name, shafts, meshes)))
-
-        mismatches = mismatch()
-        for name in (f"{name}{n + 1}" for n in range(1, self.planets) for body in self.bodies for name in body):
-            if np.abs(mismatches).max() <= PHASE_TOLERANCE:
-                return
-            i = indices[name]
-            original = wheels[i]
-            wheels[i] = dataclasses.replace(original, angle=original.angle - 2 * pi / original.teeth)
-            step = (mismatch() - mismatches + 0.5) % 1.0 - 0.5
-            wheels[i] = original
-            affected = np.abs(step) > PHASE_TOLERANCE
-            if not affected.any():
-                continue
-            turns = np.arange(original.teeth)
-            residuals = np.abs((mismatches[affected] + turns[:, None] * step[affected] + 0.5) % 1.0 - 0.5).max(axis=1)
-            best = int(np.argmin(residuals))
-            if residuals[best] <= PHASE_TOLERANCE:
-                wheels[i] = dataclasses.replace(
-                    original, angle=(original.angle - 2 * pi * best / original.teeth) % (2 * pi)
-                )
-                mismatches = mismatch()
+        )
 
     def _turning(self, name: str) -> Fraction:
         """Return the speed of a gear relative to the carrier over the speed of the driver."""
@@ -347,3 +333,33 @@ def driven(mesh: Mesh, wheels: Mapping[str, Wheel]) -> Mesh:
         thickness=mesh.thickness[::-1],
         helix_angle=mesh.helix_angle if internal else -mesh.helix_angle,
     )
+
+
+def _orient(wheels: list[Wheel], shafts: tuple[Shaft, ...], meshes: list[Mesh], stepped: list[str]) -> None:
+    """Turn stepped planets by whole teeth of one gear until their other gears match the teeth of the mates."""
+    indices = {wheel.name: i for i, wheel in enumerate(wheels)}
+
+    def mismatch() -> Array:
+        by_name = {wheel.name: wheel for wheel in wheels}
+        return np.array(phase_mismatch(by_name, meshes, kinematics(by_name, shafts, meshes)))
+
+    mismatches = mismatch()
+    for name in stepped:
+        if np.abs(mismatches).max() <= PHASE_TOLERANCE:
+            return
+        i = indices[name]
+        original = wheels[i]
+        wheels[i] = dataclasses.replace(original, angle=original.angle - 2 * pi / original.teeth)
+        step = (mismatch() - mismatches + 0.5) % 1.0 - 0.5
+        wheels[i] = original
+        affected = np.abs(step) > PHASE_TOLERANCE
+        if not affected.any():
+            continue
+        turns = np.arange(original.teeth)
+        residuals = np.abs((mismatches[affected] + turns[:, None] * step[affected] + 0.5) % 1.0 - 0.5).max(axis=1)
+        best = int(np.argmin(residuals))
+        if residuals[best] <= PHASE_TOLERANCE:
+            wheels[i] = dataclasses.replace(
+                original, angle=(original.angle - 2 * pi * best / original.teeth) % (2 * pi)
+            )
+            mismatches = mismatch()

@@ -276,8 +276,11 @@ class PlanetarySet(PlanetaryLayout):  # numpydoc ignore=PR02
     def _fluctuations(self, force: float) -> list[Load]:
         """Return the loads T cos(order theta + phase) of the driver, theta its angle since tau = 0."""
         r_p = self.r_s * self.teeth_p / self.teeth_s
-        radii = {"carrier": (self.r_s + r_p) / cos(radians(self.alpha_s_deg)),
-                 "ring": self.r_s * self.teeth_r / self.teeth_s, "sun": self.r_s}  # fmt: skip
+        radii = {
+            "carrier": (self.r_s + r_p) / cos(radians(self.alpha_s_deg)),
+            "ring": self.r_s * self.teeth_r / self.teeth_s,
+            "sun": self.r_s,
+        }
         sense = 1 if self.speeds[self.driver] > 0 else -1
         unit = np.eye(9 + 3 * self.planets)[3 * MEMBERS.index(self.driver) + 2]
         direction = sense * self.fluctuation_scale / (radii[self.driver] * force) * unit

@@ -33,29 +33,43 @@ def drawn_fields(sun: GearPair, ring: GearPair, torque: Any, planets: int) -> di
     check("PlanetarySet.of", "sun", sun, GearPair)
     check("PlanetarySet.of", "ring", ring, GearPair)
     if not ring.wheel.internal or sun.wheel.internal:
-        raise ValueError("PlanetarySet.of: give the pair of sun and planet, then the pair of planet and ring, whose "
-                         "wheel is internal")  # fmt: skip
+        raise ValueError(
+            "PlanetarySet.of: give the pair of sun and planet, then the pair of planet and ring, whose "
+            "wheel is internal"
+        )
     if sun.wheel.teeth != ring.pinion.teeth:
-        raise ValueError(f"PlanetarySet.of: the planet has {sun.wheel.teeth} teeth at the sun and {ring.pinion.teeth} "
-                         "at the ring; give the same planet in both pairs")  # fmt: skip
+        raise ValueError(
+            f"PlanetarySet.of: the planet has {sun.wheel.teeth} teeth at the sun and {ring.pinion.teeth} "
+            "at the ring; give the same planet in both pairs"
+        )
     if error_period(sun) > 1 or error_period(ring) > 1:
-        raise ValueError("PlanetarySet.of: a gear has pitch_errors or runout, and all planets are equal; give gears "
-                         "without these errors")  # fmt: skip
+        raise ValueError(
+            "PlanetarySet.of: a gear has pitch_errors or runout, and all planets are equal; give gears "
+            "without these errors"
+        )
     force = to_si("PlanetarySet.of", "torque", torque, "N m") / planets / sun.base_radii[0]
     meshes = tooth_mesh(sun, force * sun.base_radii[0]), tooth_mesh(ring, force * ring.base_radii[0])
     members = {"s": sun.pinion, "p": ring.pinion, "r": ring.wheel}
     return {
-        "teeth_s": sun.pinion.teeth, "teeth_p": ring.pinion.teeth, "teeth_r": ring.wheel.teeth,
-        "r_s": sun.base_radii[0], "torque": force * planets * sun.base_radii[0],
+        "teeth_s": sun.pinion.teeth,
+        "teeth_p": ring.pinion.teeth,
+        "teeth_r": ring.wheel.teeth,
+        "r_s": sun.base_radii[0],
+        "torque": force * planets * sun.base_radii[0],
         **{f"m_{name}": gear.mass_used for name, gear in members.items()},
         **{f"J_{name}": 4 * gear.inertia_used / gear.base_diameter**2 for name, gear in members.items()},
-        "alpha_s_deg": degrees(sun.working_pressure_angle), "alpha_r_deg": degrees(ring.working_pressure_angle),
-        "eps_sp": (), "eps_rp": (), "k_sp": meshes[0].stiffness, "k_rp": meshes[1].stiffness,
-        "b_sp": sun.half_backlash, "b_rp": ring.half_backlash,
+        "alpha_s_deg": degrees(sun.working_pressure_angle),
+        "alpha_r_deg": degrees(ring.working_pressure_angle),
+        "eps_sp": (),
+        "eps_rp": (),
+        "k_sp": meshes[0].stiffness,
+        "k_rp": meshes[1].stiffness,
+        "b_sp": sun.half_backlash,
+        "b_rp": ring.half_backlash,
         "thickness_p": (sun.thickness[1] + ring.thickness[0]) / 2,
         "contacts_sp": _contacts_at_pitch_point(sun, meshes[0]),
         "contacts_rp": _contacts_at_pitch_point(ring, meshes[1]),
-    }  # fmt: skip
+    }
 
 
 def _contacts_at_pitch_point(pair: GearPair, mesh: ToothMesh) -> MeshContacts:

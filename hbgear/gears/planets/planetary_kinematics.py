@@ -87,9 +87,17 @@ class PlanetaryKinematics:
     @cached_property
     def lags(self) -> tuple[float, ...]:
         """Phase lags [rad] of the N meshes with the sun, then with the ring, of a train in the frame of the carrier."""
-        wheels = {"sun": Wheel("sun", 1.0, teeth=self.teeth_s, base_radius=0.4 * self.teeth_s, torque=1.0),
-                  "ring": Wheel("ring", 1.0, teeth=self.teeth_r, base_radius=0.4 * self.teeth_r, internal=True,
-                                torque=self.teeth_r / self.teeth_s)}  # fmt: skip
+        wheels = {
+            "sun": Wheel("sun", 1.0, teeth=self.teeth_s, base_radius=0.4 * self.teeth_s, torque=1.0),
+            "ring": Wheel(
+                "ring",
+                1.0,
+                teeth=self.teeth_r,
+                base_radius=0.4 * self.teeth_r,
+                internal=True,
+                torque=self.teeth_r / self.teeth_s,
+            ),
+        }
         names = [f"p{n + 1}" for n in range(self.planets)]
         for name in names:
             wheels[name] = Wheel(name, 1.0, teeth=self.teeth_p, base_radius=0.4 * self.teeth_p)

@@ -165,9 +165,14 @@ class PlanetaryLayout(Model):
         """Speeds of the members and phases of the meshes."""
         degrees = self.spacing or tuple(360 * n / self.planets for n in range(self.planets))
         return PlanetaryKinematics(
-            self.teeth_s, self.teeth_p, self.teeth_r, tuple(radians(x) for x in degrees), self.fixed, self.driver,
+            self.teeth_s,
+            self.teeth_p,
+            self.teeth_r,
+            tuple(radians(x) for x in degrees),
+            self.fixed,
+            self.driver,
             self.thickness_p,
-        )  # fmt: skip
+        )
 
     @property
     def speeds(self) -> dict[str, Fraction]:

@@ -182,18 +182,25 @@ def _shapes(L: float, shear: float) -> tuple[Array, Array, Array, Array, Array]:
     """
     x, w = np.polynomial.legendre.leggauss(4)
     s = (x + 1) / 2
-    N = np.array([
-        2 * s**3 - 3 * s**2 - shear * s + 1 + shear,
-        L * (s**3 - (2 + shear / 2) * s**2 + (1 + shear / 2) * s),
-        -(2 * s**3) + 3 * s**2 + shear * s,
-        L * (s**3 - (1 - shear / 2) * s**2 - shear / 2 * s),
-    ])  # fmt: skip
-    dN = np.array([
-        6 * s**2 - 6 * s - shear,
-        L * (3 * s**2 - (4 + shear) * s + 1 + shear / 2),
-        -6 * s**2 + 6 * s + shear,
-        L * (3 * s**2 - (2 - shear) * s - shear / 2),
-    ]) / L  # fmt: skip
+    N = np.array(
+        [
+            2 * s**3 - 3 * s**2 - shear * s + 1 + shear,
+            L * (s**3 - (2 + shear / 2) * s**2 + (1 + shear / 2) * s),
+            -(2 * s**3) + 3 * s**2 + shear * s,
+            L * (s**3 - (1 - shear / 2) * s**2 - shear / 2 * s),
+        ]
+    )
+    dN = (
+        np.array(
+            [
+                6 * s**2 - 6 * s - shear,
+                L * (3 * s**2 - (4 + shear) * s + 1 + shear / 2),
+                -6 * s**2 + 6 * s + shear,
+                L * (3 * s**2 - (2 - shear) * s - shear / 2),
+            ]
+        )
+        / L
+    )
     P = np.array(
         [6 * (s**2 - s) / L, 3 * s**2 - (4 + shear) * s + 1 + shear, -6 * (s**2 - s) / L, 3 * s**2 - (2 - shear) * s]
     )

@@ -236,9 +236,10 @@ class Train(TrainLayout):  # numpydoc ignore=PR02
             )
         ]
         friction = [
-            element for i, (mesh, gap) in enumerate(zip(self.meshes, gaps, strict=True))
+            element
+            for i, (mesh, gap) in enumerate(zip(self.meshes, gaps, strict=True))
             for element in friction_elements(mesh, gap, self._by_name, motion, i, lambda w: S * self._assembled(w))
-        ]  # fmt: skip
+        ]
         remove_rotation = self._rotation_remover(SS * M, SS * K, S) if friction else lambda vector: vector
         gaps += [
             x if i % 3 == 0 else dataclasses.replace(x, direction=remove_rotation(np.asarray(x.direction)))

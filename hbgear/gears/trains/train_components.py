@@ -136,8 +136,10 @@ class Wheel:  # numpydoc ignore=PR02
         if not isinstance(self.moves, str) or self.moves not in WHEEL_COORDINATES:
             raise ValueError(f"{self.name}: moves = {quoted(self.moves)} must be one of {', '.join(WHEEL_COORDINATES)}")
         if (self.teeth > 0) != (self.base_radius > 0):
-            raise ValueError(f"{self.name}: a gear needs teeth and base_radius, other wheels neither; "
-                             f"got {self.teeth} teeth and {self.base_radius:g} m")  # fmt: skip
+            raise ValueError(
+                f"{self.name}: a gear needs teeth and base_radius, other wheels neither; "
+                f"got {self.teeth} teeth and {self.base_radius:g} m"
+            )
         if self.moves != "torsion" and not self.mass:
             raise ValueError(f"{self.name} moves in {self.moves}: give its mass [kg]")
         object.__setattr__(self, "torque_orders", torque_orders(self.name, self.torque_orders))
@@ -153,9 +155,13 @@ class Wheel:  # numpydoc ignore=PR02
         if gear.rack:
             raise ValueError("Wheel.of: the gear is a rack, and all wheels of a train turn; use GearPair.model")
         fields = {
-            "inertia": gear.inertia_used, "mass": gear.mass_used, "tilt_inertia": gear.transverse_inertia,
-            "teeth": gear.teeth, "base_radius": gear.base_diameter / 2, "internal": gear.internal,
-        }  # fmt: skip
+            "inertia": gear.inertia_used,
+            "mass": gear.mass_used,
+            "tilt_inertia": gear.transverse_inertia,
+            "teeth": gear.teeth,
+            "base_radius": gear.base_diameter / 2,
+            "internal": gear.internal,
+        }
         return cls(name, **{**fields, **others})
 
     @property
@@ -215,9 +221,16 @@ class Shaft:  # numpydoc ignore=PR02
 
     @classmethod
     def section(
-        cls, first: str, second: str, outer: Any, length: Any, inner: Any = 0.0, E: Any = 2.06e11, poisson: Any = 0.3,
+        cls,
+        first: str,
+        second: str,
+        outer: Any,
+        length: Any,
+        inner: Any = 0.0,
+        E: Any = 2.06e11,
+        poisson: Any = 0.3,
         damping: Any = 0.02,
-    ) -> Shaft:  # fmt: skip
+    ) -> Shaft:
         """Return a shaft of a hollow round section, diameters ``outer`` and ``inner``."""
         size = _Section(outer, length, inner, E, poisson)
         if size.inner >= size.outer:
@@ -300,14 +313,17 @@ class Bearing:  # numpydoc ignore=PR02
     def __post_init__(self) -> None:
         _check_names("Bearing", self.at)
         if self.clearance and (self.table is not None or not (self.x or self.y)):
-            raise ValueError(f"Bearing: at '{self.at}', clearance = {self.clearance:g} m needs springs x or y that act "
-                             "beyond it, and no table of the stiffness")  # fmt: skip
+            raise ValueError(
+                f"Bearing: at '{self.at}', clearance = {self.clearance:g} m needs springs x or y that act "
+                "beyond it, and no table of the stiffness"
+            )
         for name in ("table", "damping_table"):
             table = getattr(self, name)
             check("Bearing", name, table, MatrixTable | None)
             if table is not None and table.matrices.shape[1:] != (2, 2):
-                raise ValueError(f"Bearing: {name} has matrices of shape {table.matrices.shape[1:]}; need (2, 2), for "
-                                 "x and y")  # fmt: skip
+                raise ValueError(
+                    f"Bearing: {name} has matrices of shape {table.matrices.shape[1:]}; need (2, 2), for x and y"
+                )
 
     @property
     def name(self) -> str:
@@ -432,9 +448,19 @@ class Mesh:  # numpydoc ignore=PR02
             raise ValueError(f"Mesh: e = {self.e} is in m and too large for any machine; give 5e-6 for 5 um")
 
     @classmethod
-    def of(cls, first: str, second: str, pair: GearPair, torque: Any, damping: Any = 0.05, *,
-           mesh: str | None = None, cycle: MeshCycle | None = None, friction: Any = 0.0,
-           **others: Any) -> Mesh:  # fmt: skip
+    def of(
+        cls,
+        first: str,
+        second: str,
+        pair: GearPair,
+        torque: Any,
+        damping: Any = 0.05,
+        *,
+        mesh: str | None = None,
+        cycle: MeshCycle | None = None,
+        friction: Any = 0.0,
+        **others: Any,
+    ) -> Mesh:
         """Return the mesh of a `GearPair` whose pinion is the first wheel, under a torque on the pinion.
 
         Contacts or stiffness and error, backlash, angles, the phase of the pitch point and the thickness of the teeth
@@ -457,12 +483,18 @@ class Mesh:  # numpydoc ignore=PR02
             contacts = replace(contacts, sliding=replace(sliding, cosine=c))
         error = model.error if model.error is not None and model.error.varies else None
         fields: dict[str, Any] = {
-            "k_mean": model.k_mean / c**2, "half_backlash": pair.half_backlash * c, "stiffness": model.stiffness,
-            "error": None if error is None else error.scaled(c), "contacts": contacts,
+            "k_mean": model.k_mean / c**2,
+            "half_backlash": pair.half_backlash * c,
+            "stiffness": model.stiffness,
+            "error": None if error is None else error.scaled(c),
+            "contacts": contacts,
             "pressure_angle": pair.working_pressure_angle,
-            "helix_angle": pair.pinion.base_helix_angle, "pitch_phase": 2 * pi * pair.pitch_position,
-            "thickness": pair.thickness, "damping": damping, "torque": torque,
-        }  # fmt: skip
+            "helix_angle": pair.pinion.base_helix_angle,
+            "pitch_phase": 2 * pi * pair.pitch_position,
+            "thickness": pair.thickness,
+            "damping": damping,
+            "torque": torque,
+        }
         result = cls(first, second, **{**fields, **others})
         return replace(result, damping=result.damping * sqrt(model.k_0 / model.k_mean) / c)
 
@@ -478,11 +510,14 @@ class Mesh:  # numpydoc ignore=PR02
             return function.reversed()
 
         return replace(
-            self, pitch_phase=-self.pitch_phase, eps_lag=tuple(-x for x in self.eps_lag),
-            e_lag=tuple(-x for x in self.e_lag), stiffness=None if self.stiffness is None else reverse(self.stiffness),
+            self,
+            pitch_phase=-self.pitch_phase,
+            eps_lag=tuple(-x for x in self.eps_lag),
+            e_lag=tuple(-x for x in self.e_lag),
+            stiffness=None if self.stiffness is None else reverse(self.stiffness),
             error=None if self.error is None else reverse(self.error),
             contacts=None if self.contacts is None else self.contacts.changed(reverse, reverse),
-        )  # fmt: skip
+        )
 
     def stiffness_used(self, scale: float = 1.0) -> Phased:
         """Return k(tau)/k_mean with its alternating part times a factor."""

@@ -120,9 +120,10 @@ def kinematics(
     frequencies = [abs(wheels[mesh.first].teeth * speeds[mesh.first]) for mesh in meshes]
     slow = _shaft_frequencies(wheels, speeds)
     slow += [
-        frequency / mesh.contacts.meshes for frequency, mesh in zip(frequencies, meshes, strict=True)
+        frequency / mesh.contacts.meshes
+        for frequency, mesh in zip(frequencies, meshes, strict=True)
         if mesh.contacts is not None and mesh.contacts.meshes > 1
-    ]  # fmt: skip
+    ]
     ratio = frequencies[0]
     for frequency in (*frequencies, *slow):
         ratio = common_divisor(ratio, frequency)
@@ -276,15 +277,21 @@ def _static_forces(
     forces = np.linalg.lstsq(A, torque, rcond=None)[0]
     forces[np.abs(forces) <= 1e-9 * np.abs(forces).max(initial=0.0)] = 0.0
     null_space = scipy.linalg.null_space(A)  # forces that add up to no torque
-    determinate = [None if len(row) and np.abs(row).max(initial=0.0) > 1e-9 else abs(force)
-                   for row, force in zip(null_space, forces.tolist(), strict=True)]  # fmt: skip
+    determinate = [
+        None if len(row) and np.abs(row).max(initial=0.0) > 1e-9 else abs(force)
+        for row, force in zip(null_space, forces.tolist(), strict=True)
+    ]
     return tuple(np.sign(forces).astype(int).tolist()), tuple(determinate)
 
 
 def mesh_lags(
-    wheels: Mapping[str, Wheel], groups: Mapping[str, int], meshes: Sequence[Mesh], speeds: Mapping[str, Fraction],
-    sides: Sequence[int], angles: Sequence[tuple[float, float]],
-) -> tuple[tuple[float, ...], dict[str, float]]:  # fmt: skip
+    wheels: Mapping[str, Wheel],
+    groups: Mapping[str, int],
+    meshes: Sequence[Mesh],
+    speeds: Mapping[str, Fraction],
+    sides: Sequence[int],
+    angles: Sequence[tuple[float, float]],
+) -> tuple[tuple[float, ...], dict[str, float]]:
     """Return the phase lag of each mesh in its own tau and the angles of the wheels at tau = 0.
 
     A lag is between zero and the period of the mesh, which is longer than 2 pi with errors of single teeth.
@@ -336,8 +343,10 @@ def phase_mismatch(wheels: Mapping[str, Wheel], meshes: Sequence[Mesh], motion: 
     """
     mismatches = []
     for mesh, side, (_, phi) in zip(meshes, motion.sides, motion.angles, strict=True):
-        ends = [(*_mesh_position(mesh, name, wheels, motion.speeds, side, phi), motion.start_angles[name])
-                for name in (mesh.first, mesh.second)]  # fmt: skip
+        ends = [
+            (*_mesh_position(mesh, name, wheels, motion.speeds, side, phi), motion.start_angles[name])
+            for name in (mesh.first, mesh.second)
+        ]
         first, second = (z * (rotor_angle - tooth_angle) / (2 * pi) for z, tooth_angle, rotor_angle in ends)
         mismatches.append((first - second + 0.5) % 1.0 - 0.5)
     return mismatches

@@ -250,8 +250,12 @@ class TrainLayout(Model):
     @cached_property
     def _coordinates(self) -> list[tuple[str, int]]:
         """Name and axis of every coordinate: wheel or beam node and index in `AXES`; "" and index for the housing."""
-        wheels = [(wheel.name, axis) for wheel in self.wheels for axis in WHEEL_COORDINATES[wheel.moves]
-                  if not (wheel.held and axis == 5)]  # fmt: skip
+        wheels = [
+            (wheel.name, axis)
+            for wheel in self.wheels
+            for axis in WHEEL_COORDINATES[wheel.moves]
+            if not (wheel.held and axis == 5)
+        ]
         nodes = [(node, axis) for beam in self.beams for node in beam.nodes for axis in range(6)]
         return wheels + nodes + [("", i) for i in range(self.housing.n if self.housing else 0)]
 
@@ -260,10 +264,12 @@ class TrainLayout(Model):
         """Physical size of a coordinate of value one, shape (n,): b_c [m], for a rotation b_c / r [rad]."""
         radii = {wheel.name: wheel.base_radius for wheel in self.wheels}
         default_radius = radii[self.meshes[0].first]
-        return np.array([
-            self.b_c / ((radii.get(name) or default_radius) if name and axis > 2 else 1.0)
-            for name, axis in self._coordinates
-        ])  # fmt: skip
+        return np.array(
+            [
+                self.b_c / ((radii.get(name) or default_radius) if name and axis > 2 else 1.0)
+                for name, axis in self._coordinates
+            ]
+        )
 
 
 def check_mesh_torque(owner: str, machine: str, mesh: Mesh, static: float | None) -> None:

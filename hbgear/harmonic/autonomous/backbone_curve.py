@@ -250,8 +250,10 @@ def predicted_peaks(curve: Branch, order: int = 1) -> tuple[PredictedPeak, ...]:
     finite = np.flatnonzero(np.isfinite(ratios))
     if len(finite) < 2:  # no excitation of this order, or no dissipation
         return ()
-    fits = {name: scipy.interpolate.PchipInterpolator(finite, values[finite]) for name, values in
-             (("ratio", ratios), (AMPLITUDE, curve.values), ("Omega", curve.tracked["Omega"]))}  # fmt: skip
+    fits = {
+        name: scipy.interpolate.PchipInterpolator(finite, values[finite])
+        for name, values in (("ratio", ratios), (AMPLITUDE, curve.values), ("Omega", curve.tracked["Omega"]))
+    }
     peaks = []
     for s in fits["ratio"].roots(extrapolate=False):
         grows = fits[AMPLITUDE](s, 1) > 0

@@ -140,9 +140,15 @@ _FIRST_AMPLITUDE = 5e-2
 
 @checked_arguments(start="a point of hopf_points or a motion of hb.time.integrate")
 def limit_cycles(
-    model: Model, start: HopfPoint | SampledMotion, span: tuple[float, float], *, parameter: str = "",
-    harmonics: int = 16, length: float = 1.0, **options: Any,
-) -> Branch:  # fmt: skip
+    model: Model,
+    start: HopfPoint | SampledMotion,
+    span: tuple[float, float],
+    *,
+    parameter: str = "",
+    harmonics: int = 16,
+    length: float = 1.0,
+    **options: Any,
+) -> Branch:
     """Trace limit cycles from a Hopf point of an equilibrium, or from an integrated motion.
 
         R(X, Omega, p) = 0,   <x_ref', x> = 0

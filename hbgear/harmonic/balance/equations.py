@@ -52,9 +52,18 @@ _MAX_COMPILED_UNKNOWNS = 160
 """Unknowns up to which the compiled continuation loop is faster than Python with LAPACK."""
 
 _CACHE_SIZES = {
-    "units": 32, "layout": 1, "restricted": 4, "denser": 2, "refined": 1, "comparisons": 1, "doubled": 1, "resized": 4,
-    "with_cache_size": 1, "perturbed": 1, "recession": 1,
-}  # fmt: skip
+    "units": 32,
+    "layout": 1,
+    "restricted": 4,
+    "denser": 2,
+    "refined": 1,
+    "comparisons": 1,
+    "doubled": 1,
+    "resized": 4,
+    "with_cache_size": 1,
+    "perturbed": 1,
+    "recession": 1,
+}
 """Number of results of each kind that a balance keeps; most of them are balances with caches of their own."""
 
 

@@ -165,10 +165,19 @@ def continue_from_nearby_frequency(problem: Any, parameters: dict[str, float]) -
             X = _solution_from_guesses(problem, nearby, guesses)
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # warnings about the auxiliary branch are of no use
-                curve = raise_if_interrupted(trace(
-                    problem, "Omega", (nearby_Omega, Omega), X, at=fixed, steps=StepControl(max_points=1000),
-                    stability=False, special=False, cover=False,
-                ))  # fmt: skip
+                curve = raise_if_interrupted(
+                    trace(
+                        problem,
+                        "Omega",
+                        (nearby_Omega, Omega),
+                        X,
+                        at=fixed,
+                        steps=StepControl(max_points=1000),
+                        stability=False,
+                        special=False,
+                        cover=False,
+                    )
+                )
         except NoConvergence:  # also of a motion without contact, from which no curve begins: its mean is arbitrary
             continue
         if curve.values[-1] == Omega:

@@ -57,13 +57,14 @@ class PeriodicMotions(HarmonicEquations):
     def _build_layout(self) -> Layout:
         elements = self.models.system({}).elements
         return Layout(
-            harmonics=self.H, nu=self.nu,
+            harmonics=self.H,
+            nu=self.nu,
             elements=tuple(e.name for e in elements),
             breakpoints=tuple(e.law.breakpoints for e in elements),
             labels=dict(self.model.labels),
             orders=None if self.selection is None else tuple(self.orders[1:].tolist()),
             edged=tuple(j for rows, _, _ in edged_laws(self.compiled({})) for j in rows.tolist()),
-        )  # fmt: skip
+        )
 
     @property
     def dof_names(self) -> tuple[str, ...]:
@@ -221,8 +222,10 @@ class PeriodicMotions(HarmonicEquations):
         if name != "Omega":
             Omega = np.array([parameters.pop("Omega")])
             pairs = zip(X, values.tolist(), strict=True)
-            return [self.observe_many(x[None], "Omega", Omega, stability, **parameters, **{name: value})[0]
-                    for x, value in pairs]  # fmt: skip
+            return [
+                self.observe_many(x[None], "Omega", Omega, stability, **parameters, **{name: value})[0]
+                for x, value in pairs
+            ]
         evaluator = self.compiled(parameters)
         observed, extended = motion.monitored_quantities(evaluator, X, values)
         if stability and not isinstance(evaluator.structure, MeasuredStructure):
@@ -254,9 +257,14 @@ class PeriodicMotions(HarmonicEquations):
         return events_of_codimension_two(curve)
 
     def verify_stability(
-        self, X: Array, name: str, values: Array, seen: Sequence[dict[str, Any]], parameters: Mapping[str, float],
+        self,
+        X: Array,
+        name: str,
+        values: Array,
+        seen: Sequence[dict[str, Any]],
+        parameters: Mapping[str, float],
         work: Work | None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Verify the stability of motions; see `hbgear.harmonic.stability.verification`.
 
         The error of the complex multipliers is estimated from those of a corrected motion. Where it reaches the unit

@@ -96,9 +96,13 @@ def _newton_step(problem: Any, X: Array, parameters: Mapping[str, float]) -> Arr
 
 
 def add_resolution_error(
-    problem: Any, X: Array, name: str, values: Array, observed: Sequence[dict[str, Any]],
+    problem: Any,
+    X: Array,
+    name: str,
+    values: Array,
+    observed: Sequence[dict[str, Any]],
     parameters: Mapping[str, float],
-) -> None:  # fmt: skip
+) -> None:
     """Replace ``"error"`` by the error of resolution where this is larger, for motions X (P, n) at values (P,).
 
     Some of successive motions are checked. Between them, the error of laws evaluated by AFT, of damped contacts and of
@@ -201,9 +205,15 @@ STEP_WITHOUT_FOLD = 0.2
 
 
 def add_errors_of_free_motions(
-    problem: Any, finer: Any, balance: Any, X: Array, name: str, values: Array, observed: Sequence[dict[str, Any]],
+    problem: Any,
+    finer: Any,
+    balance: Any,
+    X: Array,
+    name: str,
+    values: Array,
+    observed: Sequence[dict[str, Any]],
     parameters: Mapping[str, float],
-) -> None:  # fmt: skip
+) -> None:
     """Replace ``"error"`` by the Newton step of a finer problem, and add ``"unknown_errors"``.
 
     The truncation error is that of a motion with a given frequency, and is infinite where a truncated harmonic is in

@@ -161,9 +161,11 @@ class ExtremumPeak(AmplitudeExtremum):
             slope[self.element, 0] = 1.0
             return slope.ravel(), curvature.ravel()
         low, at_low, high, at_high = extrema(self.problem.rows(X)[self.element])
-        signed = [(-0.5, at_low), (0.5, at_high)] if self.measure == "pp2" else [
-            (1.0, at_high) if abs(high) >= abs(low) else (-1.0, at_low)
-        ]  # fmt: skip
+        signed = (
+            [(-0.5, at_low), (0.5, at_high)]
+            if self.measure == "pp2"
+            else [(1.0, at_high) if abs(high) >= abs(low) else (-1.0, at_low)]
+        )
         sign, positions = np.array(signed).T
         row, direction = (x.reshape(m, -1)[self.element] for x in (X, t))
         c = np.exp(-1j * k * positions[:, None])

@@ -309,9 +309,12 @@ class PairModulusProblem(_PairProblem):  # numpydoc ignore=PR02
 
         changes = [(self.problem.parameter_derivative(X, name, parameters), name) for name in names]
         return AugmentedResidual(
-            evaluation, k * math.log(abs(mu)), k * g_X, derivative(evaluation.dR_dp, self.parameter),
+            evaluation,
+            k * math.log(abs(mu)),
+            k * g_X,
+            derivative(evaluation.dR_dp, self.parameter),
             tuple((dR, derivative(dR, name)) for dR, name in changes),
-        )  # fmt: skip
+        )
 
     def _multiplier(self, X: Array, parameters: dict[str, float], base: Borders) -> complex:
         """Return the multiplier nearest to that of the exponent of the borders."""

@@ -133,8 +133,11 @@ def _point_with_tangent(branch: Branch, i: int, scale: Array, direction: Array) 
     """Return point i of a branch with its tangent."""
     X, value = branch.X[i], float(branch.values[i])
     evaluation = branch.problem.linearise(X, branch.parameter, **branch.parameters_at(i))
-    return point_from_solution(Solution(X, value, evaluation, int(branch.iterations[i]), float(branch.residual[i])),
-                  normal_of(direction, scale), scale)  # fmt: skip
+    return point_from_solution(
+        Solution(X, value, evaluation, int(branch.iterations[i]), float(branch.residual[i])),
+        normal_of(direction, scale),
+        scale,
+    )
 
 
 # ---- events

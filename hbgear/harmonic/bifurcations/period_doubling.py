@@ -93,6 +93,9 @@ class PeriodDoublingProblem(FoldProblem):
         dJ_v, dJ_p = self.doubled.curvature(embedded, direction, self.parameter, **parameters)
         changes = (parameter_derivative_and_jacobian(self.doubled, embedded, parameters, name) for name in names)
         return AugmentedResidual(
-            evaluation, k * g, -k * (w @ dJ_v[np.ix_(odd, even)]), -k * float(w @ dJ_p[np.ix_(odd, odd)] @ v),
+            evaluation,
+            k * g,
+            -k * (w @ dJ_v[np.ix_(odd, even)]),
+            -k * float(w @ dJ_p[np.ix_(odd, odd)] @ v),
             tuple((dR[even], -k * float(w @ dJ[np.ix_(odd, odd)] @ v)) for dR, dJ in changes),
-        )  # fmt: skip
+        )

@@ -106,9 +106,11 @@ def with_other_curves(problem: Any, branch: Branch, span: tuple[float, float], s
 
     def follow(span: tuple[float, float], start: BranchStart | None, rough: bool) -> Branch:
         """Return a further curve; Ctrl-C ends the search too."""
-        part = first_curve(problem, span, settings, False)[0] if start is None else (
-            problem.traced_curve(span, start, settings.points_only() if rough else settings, False)
-        )  # fmt: skip
+        part = (
+            first_curve(problem, span, settings, False)[0]
+            if start is None
+            else (problem.traced_curve(span, start, settings.points_only() if rough else settings, False))
+        )
         if part.status is Status.INTERRUPTED:
             raise KeyboardInterrupt
         traced.append(part)

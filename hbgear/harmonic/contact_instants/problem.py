@@ -294,9 +294,13 @@ class ContactInstants(HarmonicBalance):
         return _stored(equations_at, name)
 
     def own_trace(
-        self, span: tuple[float, float], start: Point | BranchStart | Array | None, settings: Any, cover: bool,
+        self,
+        span: tuple[float, float],
+        start: Point | BranchStart | Array | None,
+        settings: Any,
+        cover: bool,
         unresolved: bool = False,
-    ) -> Branch:  # fmt: skip
+    ) -> Branch:
         """Return the curve of exact motions over a span of a parameter; see `hbgear.harmonic.instants.following`.
 
         With ``cover``, a span that the curve does not cover is searched for others: from the other end, then from the
@@ -326,9 +330,13 @@ class ContactInstants(HarmonicBalance):
         ends = setup.span.start, setup.span.end
         kinds = LOCATED_KINDS if settings.special else tuple(event.kind for event in settings.events)
         follower = Follower(
-            self.family(setup.name, setup.fixed), setup.name, ends, settings.steps.max_points, bool(kinds),
+            self.family(setup.name, setup.fixed),
+            setup.name,
+            ends,
+            settings.steps.max_points,
+            bool(kinds),
             reporter(settings.progress, setup.name, span),
-        )  # fmt: skip
+        )
         curve = follower.run(state, direction)
         events = {event.kind: event for event in events_of(self, setup.name)}
         branch = build_exact_branch(

@@ -328,9 +328,15 @@ def residual_and_jacobian(packed: Any, u: Any, R: Any, J: Any, dR: Any, workspac
     """Call `assemble` at u = (X, Omega) for a structure with modes; return the size of the terms of R."""
     n = u.shape[0] - 1
     fill_linear_part(
-        packed.linear, u[n], workspace.w, workspace.pole_terms, workspace.sums, workspace.work,
-        workspace.matrices, workspace.constants,
-    )  # fmt: skip
+        packed.linear,
+        u[n],
+        workspace.w,
+        workspace.pole_terms,
+        workspace.sums,
+        workspace.work,
+        workspace.matrices,
+        workspace.constants,
+    )
     size = assemble(
         packed, u[:n], u[n] / packed.linear.nu, workspace.matrices, workspace.constants, R, J, dR, workspace
     )

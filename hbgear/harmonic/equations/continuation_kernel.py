@@ -78,8 +78,12 @@ def trace_compiled(
     n, m, workspace = u.shape[1] - 1, packed.laws.cubic.shape[0], workspace_for(packed)
     R, dR, A, v = np.empty(n), np.empty(n), np.empty((n + 1, n + 3)), np.empty(n + 1)
     scale, normal, predicted, point, direction = (
-        np.empty(n + 1), np.empty(n + 1), np.empty(n + 1), np.empty(n + 1), np.empty(n + 1)
-    )  # fmt: skip
+        np.empty(n + 1),
+        np.empty(n + 1),
+        np.empty(n + 1),
+        np.empty(n + 1),
+        np.empty(n + 1),
+    )
     statistics, limits = np.empty(3), np.empty(2)
     limits[0] = control[2]
     point_count, status, value = 0, ACCEPTED, 0.0
@@ -148,9 +152,19 @@ def _store(point: Any, u: Any, t: Any, step: float, statistics: Any) -> None:
 
 @inlined
 def _corrected(
-    packed: Any, predicted: Any, normal: Any, tolerances: Any, R: Any, dR: Any, A: Any, u: Any, workspace: Any,
-    point: Any, direction: Any, statistics: Any,
-) -> int:  # fmt: skip
+    packed: Any,
+    predicted: Any,
+    normal: Any,
+    tolerances: Any,
+    R: Any,
+    dR: Any,
+    A: Any,
+    u: Any,
+    workspace: Any,
+    point: Any,
+    direction: Any,
+    statistics: Any,
+) -> int:
     """Solve by Newton's method in the plane through the prediction; return the status.
 
     statistics (3,) receives the sign of the determinant, the number of iterations and the residual.

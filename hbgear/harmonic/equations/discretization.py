@@ -272,9 +272,14 @@ class Discretization:
 
 
 def discretize(
-    m: int, harmonics: int | None, samples: int | None, nu: int, sampled: bool, selection: HarmonicSelection | None,
+    m: int,
+    harmonics: int | None,
+    samples: int | None,
+    nu: int,
+    sampled: bool,
+    selection: HarmonicSelection | None,
     highest: bool,
-) -> Discretization:  # fmt: skip
+) -> Discretization:
     """Return the discretization that arguments of `HarmonicBalance` describe.
 
     ``harmonics`` is None for "auto". With a selection of tones it counts the harmonics of every mesh, or is H itself

@@ -136,8 +136,10 @@ def _combinations(tones: tuple[int, ...], divisor: int, bound: float) -> set[int
         steps = range(-int(divisor * max(bound - 1.0, 0.0)), int(divisor * max(bound - 1.0, 0.0)) + 1)
         terms = {
             (k + a * tone, size * (1 + abs(a) / divisor))
-            for k, size in terms for a in steps if size * (1 + abs(a) / divisor) <= bound * (1 + 1e-12)
-        }  # fmt: skip
+            for k, size in terms
+            for a in steps
+            if size * (1 + abs(a) / divisor) <= bound * (1 + 1e-12)
+        }
     return {abs(k) for k, _ in terms}
 
 

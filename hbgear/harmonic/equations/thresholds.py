@@ -75,8 +75,10 @@ def clearance_names(evaluator: Evaluator) -> tuple[str, ...]:
     """Return the meaning of each entry of `clearances` in words."""
     return tuple(
         f"{end} of {e.name} at {x:g}"
-        for e in evaluator.system.elements for x in e.law.breakpoints for end in ("lowest", "highest")
-    )  # fmt: skip
+        for e in evaluator.system.elements
+        for x in e.law.breakpoints
+        for end in ("lowest", "highest")
+    )
 
 
 # ---- breakpoints and inner extrema
@@ -267,8 +269,10 @@ def edge_names(evaluator: Evaluator) -> tuple[str, ...]:
     elements = evaluator.system.elements
     return tuple(
         f"{end} of {elements[rows[0]].name.removesuffix(' 1')}" + (f" at edge {edge + 1}" if count > 1 else "")
-        for rows, _, count in edged_laws(evaluator) for edge in range(count) for end in ("lowest", "highest")
-    )  # fmt: skip
+        for rows, _, count in edged_laws(evaluator)
+        for edge in range(count)
+        for end in ("lowest", "highest")
+    )
 
 
 # ---- all kinds

@@ -105,8 +105,10 @@ class SampledLaws:
         if self.rated:
             samples[1] += Omega / self.nu * self._grid[1]
         zeros = np.zeros(self._transform.N)
-        results = [law(d, samples[1, i] if self.rated else zeros) for i, (law, d) in enumerate(
-            zip(self._bind, samples[0], strict=True))]  # fmt: skip
+        results = [
+            law(d, samples[1, i] if self.rated else zeros)
+            for i, (law, d) in enumerate(zip(self._bind, samples[0], strict=True))
+        ]
         p, stiffness, damping = (np.array(arrays) for arrays in zip(*results, strict=True))
         spectra = self._transform.spectrum(np.concatenate([p, stiffness, damping] if self.rated else [p, stiffness]))
         spectra = spectra.reshape(-1, len(self.laws), spectra.shape[-1])

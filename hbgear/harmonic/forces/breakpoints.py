@@ -108,17 +108,32 @@ def piecewise_excitation(
         return _without_breakpoints(len(elements), len(packing.springs), H, len(truncated_orders))
     displacements, cubic = [element.displacement for element in elements], packing.table.cubic.tolist()
     return _with_breakpoints(
-        tuple(phases), tuple(displacements), tuple(packing.springs), tuple(packing.levels), tuple(map(tuple, cubic)),
-        H, nu, N, tuple(orders.tolist()), tuple(truncated_orders.tolist()),
-    )  # fmt: skip
+        tuple(phases),
+        tuple(displacements),
+        tuple(packing.springs),
+        tuple(packing.levels),
+        tuple(map(tuple, cubic)),
+        H,
+        nu,
+        N,
+        tuple(orders.tolist()),
+        tuple(truncated_orders.tolist()),
+    )
 
 
 @lru_cache(maxsize=8)  # differences in a parameter such as the damping do not change the laws
 def _with_breakpoints(
-    phases: tuple[float, ...], e: tuple[Phased, ...], springs: tuple[PackedSpring, ...],
-    levels: tuple[MovingLevel, ...], cubic: tuple[tuple[float, ...], ...], H: int, nu: int, N: int,
-    orders: tuple[int, ...], truncated_orders: tuple[int, ...],
-) -> PiecewiseExcitation:  # fmt: skip
+    phases: tuple[float, ...],
+    e: tuple[Phased, ...],
+    springs: tuple[PackedSpring, ...],
+    levels: tuple[MovingLevel, ...],
+    cubic: tuple[tuple[float, ...], ...],
+    H: int,
+    nu: int,
+    N: int,
+    orders: tuple[int, ...],
+    truncated_orders: tuple[int, ...],
+) -> PiecewiseExcitation:
     """Return `piecewise_excitation` of prescribed displacements, springs, levels and cubic coefficients (m, 2)."""
     m = len(e)
     gaps = [_segments_of(function, nu).scaled(-1.0) if function.corners else None for function in e]
@@ -188,9 +203,10 @@ def _spring_tables(
         _spring_table(
             spring.law.stiffness, e[spring.element], cast(Phased | None, level_of[spring.displacement]), nu, length
         )
-        if spring.law.stiffness.corners or e[spring.element].corners or spring.displacement >= m else None
+        if spring.law.stiffness.corners or e[spring.element].corners or spring.displacement >= m
+        else None
         for spring in springs
-    ]  # fmt: skip
+    ]
 
 
 def _phases(law: Law) -> Iterable[float]:
@@ -252,13 +268,25 @@ def _without_breakpoints(m: int, S: int, H: int, truncated_count: int) -> Piecew
     """Return the empty arrays of m elements and S springs without breakpoints."""
     empty, integrals = np.empty(0), np.zeros((0, 2, 0), dtype=complex)
     return PiecewiseExcitation(
-        empty, _first_indices([0] * m), empty, np.empty((0, 4)), np.empty(0, dtype=bool), np.empty(0, dtype=bool),
-        np.tile([-np.inf, np.inf], (m, 1)), np.zeros((H + 1, m), dtype=complex),
-        np.zeros((truncated_count, m), dtype=complex), _first_indices([0] * S), empty, np.empty((0, 4)),
-        np.ones(S, dtype=np.int64), _first_indices([0] * S), integrals,
+        empty,
+        _first_indices([0] * m),
+        empty,
+        np.empty((0, 4)),
+        np.empty(0, dtype=bool),
+        np.empty(0, dtype=bool),
+        np.tile([-np.inf, np.inf], (m, 1)),
+        np.zeros((H + 1, m), dtype=complex),
+        np.zeros((truncated_count, m), dtype=complex),
+        _first_indices([0] * S),
+        empty,
+        np.empty((0, 4)),
+        np.ones(S, dtype=np.int64),
+        _first_indices([0] * S),
+        integrals,
         np.empty((0, 7)),
-        np.zeros((m, 3, 0), dtype=complex), np.zeros((2, m, 0)),
-    )  # fmt: skip
+        np.zeros((m, 3, 0), dtype=complex),
+        np.zeros((2, m, 0)),
+    )
 
 
 def known_gap(displacement: Phased, retained: ComplexArray, nu: int, theta: Array, order: int = 0) -> Array:

@@ -118,13 +118,20 @@ def pack_laws(laws: Sequence[Law], sampled: bool, nu: int) -> Packing:
     ramped[breakpoint_of_ramp] = True
     cubic = np.array([terms[1:] if terms else (0.0, 0.0) for terms in split_laws], dtype=float).reshape(m, 2)
     table = PackedLaws(
-        np.array(level, dtype=float), np.array(owner, dtype=np.int64), ramped,
+        np.array(level, dtype=float),
+        np.array(owner, dtype=np.int64),
+        ramped,
         np.array([*range(m), *(moving_level.element for moving_level in levels)], dtype=np.int64),
         np.array([spring.element for spring in springs], dtype=np.int64),
         np.array([spring.displacement for spring in springs], dtype=np.int64),
-        base, np.array(shifts, dtype=np.int64), series,
-        breakpoint_of_ramp, np.asarray(spring_of_ramp, dtype=np.int64), np.asarray(slope_changes, dtype=float), cubic,
-    )  # fmt: skip
+        base,
+        np.array(shifts, dtype=np.int64),
+        series,
+        breakpoint_of_ramp,
+        np.asarray(spring_of_ramp, dtype=np.int64),
+        np.asarray(slope_changes, dtype=float),
+        cubic,
+    )
     is_unpacked = [
         terms is None and not (isinstance(law, CompiledLaw) and law.is_called_by_kernels)
         for terms, law in zip(split_laws, laws, strict=True)

@@ -129,8 +129,11 @@ def sliders_of(elements: Sequence[Element], nu: int, H: int) -> Sliders:
         np.array([slider.residual for _, slider, _ in limits]),
         np.array([limit.normal for *_, limit in limits], dtype=np.int64),
         np.array([limit.normal >= 0 or limit.wave.varies for *_, limit in limits], dtype=np.bool_),
-        level, zones[0].copy(), zones[1].copy(), wave,
-    )  # fmt: skip
+        level,
+        zones[0].copy(),
+        zones[1].copy(),
+        wave,
+    )
 
 
 def user_laws_of(laws: Sequence[Law]) -> UserLaws:

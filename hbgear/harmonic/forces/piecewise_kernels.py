@@ -173,9 +173,21 @@ def _crossings_on(
             if b == end and i + 1 == last and not piecewise.has_jump[first]:
                 after = start  # the phases 0 and 2 pi have the same value
             count = _add_crossings_in_cell(
-                c, level, rounding, coefficients[i], starts[i], a, before, slope, b, after, slope_after, theta, sign,
+                c,
+                level,
+                rounding,
+                coefficients[i],
+                starts[i],
+                a,
+                before,
+                slope,
+                b,
+                after,
+                slope_after,
+                theta,
+                sign,
                 count,
-            )  # fmt: skip
+            )
             a, before, slope = b, after, slope_after
     return count, start > 0.0
 
@@ -242,9 +254,21 @@ def value_on(c: Any, level: float, coefficients: Any, start: float, theta: float
 
 @kernel
 def _add_crossings_in_cell(
-    c: Any, level: float, rounding: float, coefficients: Any, start: float, a: float, before: float, slope: float,
-    b: float, after: float, slope_after: float, theta: Any, sign: Any, count: int,
-) -> int:  # fmt: skip
+    c: Any,
+    level: float,
+    rounding: float,
+    coefficients: Any,
+    start: float,
+    a: float,
+    before: float,
+    slope: float,
+    b: float,
+    after: float,
+    slope_after: float,
+    theta: Any,
+    sign: Any,
+    count: int,
+) -> int:
     """Append the crossings in a cell from a to b, and return the updated count; see `crossings`.
 
     If the values at the ends differ in sign, there are one or three crossings, otherwise two or none.
@@ -273,9 +297,19 @@ def _add_crossings_in_cell(
 
 @kernel
 def _add_crossing(
-    c: Any, level: float, rounding: float, coefficients: Any, start: float, low: float, value_low: float, high: float,
-    value_high: float, theta: Any, sign: Any, count: int,
-) -> int:  # fmt: skip
+    c: Any,
+    level: float,
+    rounding: float,
+    coefficients: Any,
+    start: float,
+    low: float,
+    value_low: float,
+    high: float,
+    value_high: float,
+    theta: Any,
+    sign: Any,
+    count: int,
+) -> int:
     """Append the crossing between low and high, where the values differ in sign, and return the updated count.
 
     Newton's method starts from linear interpolation. A step that leaves the bracket is replaced by bisection.

@@ -102,12 +102,22 @@ def projection_workspace(packed: Any, m: int, H: int, order: Any) -> Any:
     part, waves = np.empty((2, length), np.complex128), np.empty(H + 1, np.complex128)
     square, both = np.empty(2 * H + 1, np.complex128), np.empty((2, S, length), np.complex128)
     return ProjectionWorkspace(
-        np.empty((K, C)), np.empty((K, C)), np.empty(K, np.int64), np.empty(K, np.bool_),
-        coefficients[0], coefficients[1], coefficients[2],
-        np.empty((2, packed.basis.shape[1])), waves, square,
-        part[0], part[1], both, np.empty((2, degrees)),
+        np.empty((K, C)),
+        np.empty((K, C)),
+        np.empty(K, np.int64),
+        np.empty(K, np.bool_),
+        coefficients[0],
+        coefficients[1],
+        coefficients[2],
+        np.empty((2, packed.basis.shape[1])),
+        waves,
+        square,
+        part[0],
+        part[1],
+        both,
+        np.empty((2, degrees)),
         slider_workspace(packed.sliders, H, packed.basis.shape[1], order + 1),
-    )  # fmt: skip
+    )
 
 
 @kernel

@@ -135,14 +135,32 @@ def slider_workspace(sliders: Any, H: int, N: int, length: Any) -> Any:
         extra = max(H, sliders.wave.shape[1] - 1)
     intervals = 2 * C + 1
     return SliderWorkspace(
-        np.zeros(Q, np.int64), np.empty((Q, intervals)), np.empty((Q, intervals)), np.empty((Q, intervals), np.int64),
-        np.empty((Q, intervals)), np.empty((Q, intervals)), np.zeros(Q, np.bool_), np.empty(Q),
-        np.empty((Q, 2)), np.empty((Q, intervals), np.int64), np.empty((Q, intervals)),
-        np.empty(C), np.empty(C), np.empty(C), np.empty(C), np.empty(C), np.empty(C, np.int64), np.empty(C),
+        np.zeros(Q, np.int64),
+        np.empty((Q, intervals)),
+        np.empty((Q, intervals)),
+        np.empty((Q, intervals), np.int64),
+        np.empty((Q, intervals)),
+        np.empty((Q, intervals)),
+        np.zeros(Q, np.bool_),
+        np.empty(Q),
+        np.empty((Q, 2)),
+        np.empty((Q, intervals), np.int64),
+        np.empty((Q, intervals)),
+        np.empty(C),
+        np.empty(C),
+        np.empty(C),
+        np.empty(C),
+        np.empty(C),
+        np.empty(C, np.int64),
+        np.empty(C),
         np.empty((Q, length + extra if extra else 0), np.complex128),
-        np.empty(width), np.empty(N), np.empty(H + 1, np.complex128),
-        np.empty(max(length + extra, H + 1), np.complex128), np.empty(width), np.empty(width),
-    )  # fmt: skip
+        np.empty(width),
+        np.empty(N),
+        np.empty(H + 1, np.complex128),
+        np.empty(max(length + extra, H + 1), np.complex128),
+        np.empty(width),
+        np.empty(width),
+    )
 
 
 @kernel

@@ -88,9 +88,18 @@ def off_level(value: float, before: float, rounding: float) -> float:
 
 @inlined
 def _add_crossings_in_cell(
-    c: Any, level: float, rounding: float, bend: float, i: int, step: float, first: float, last: float, theta: Any,
-    sign: Any, count: int,
-) -> int:  # fmt: skip
+    c: Any,
+    level: float,
+    rounding: float,
+    bend: float,
+    i: int,
+    step: float,
+    first: float,
+    last: float,
+    theta: Any,
+    sign: Any,
+    count: int,
+) -> int:
     """Append the crossings between samples i and i + 1 of different signs, one or three; return the new count.
 
     The cubic through the values and slopes at both ends has the slope 3/2 mean - (slope_low + slope_high) / 4 at the
@@ -120,9 +129,17 @@ def _add_crossings_in_cell(
 
 @inlined
 def _add_crossings_at_extremum(
-    c: Any, level: float, rounding: float, bend: float, i: int, step: float, value_i: float, theta: Any, sign: Any,
+    c: Any,
+    level: float,
+    rounding: float,
+    bend: float,
+    i: int,
+    step: float,
+    value_i: float,
+    theta: Any,
+    sign: Any,
     count: int,
-) -> int:  # fmt: skip
+) -> int:
     """Append the two crossings on both sides of an extremum near sample i that exceeds the level between two samples.
 
     The extremum is located by Newton's method. Return the new count.
@@ -151,9 +168,20 @@ def _add_crossings_at_extremum(
 
 @kernel
 def _add_crossing(
-    c: Any, level: float, rounding: float, bend: float, low: float, value_low: float, slope_low: float,
-    high: float, value_high: float, slope_high: float, theta: Any, sign: Any, count: int,
-) -> int:  # fmt: skip
+    c: Any,
+    level: float,
+    rounding: float,
+    bend: float,
+    low: float,
+    value_low: float,
+    slope_low: float,
+    high: float,
+    value_high: float,
+    slope_high: float,
+    theta: Any,
+    sign: Any,
+    count: int,
+) -> int:
     """Append the crossing between low and high, where the values differ in sign, and return the new count.
 
     A step of Newton's method that leaves the bracket is replaced by bisection.

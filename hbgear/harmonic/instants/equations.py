@@ -188,10 +188,13 @@ class Equations:
         bounds = self._bounds.get(contacts)
         if bounds is None:
             extended = [(-math.inf, *points, math.inf) for points in self.breakpoints]
-            bounds = self._bounds[contacts] = np.array([
-                [points[level : level + 2] for points, level in zip(extended, segment.levels, strict=True)]
-                for segment in contacts
-            ], dtype=float)  # fmt: skip
+            bounds = self._bounds[contacts] = np.array(
+                [
+                    [points[level : level + 2] for points, level in zip(extended, segment.levels, strict=True)]
+                    for segment in contacts
+                ],
+                dtype=float,
+            )
         return bounds
 
     def at(self, Omega: float) -> EquationsAt:
@@ -207,8 +210,10 @@ class Equations:
     def is_inverse(self) -> bool:
         """Whether all forces are independent of Omega, so that A is A_1 / Omega + S."""
         system = self.system
-        driven = any(e.damping and e.displacement.row()[1:].any() if isinstance(e.displacement, Series) else e.damping
-                     for e in system.elements)  # fmt: skip
+        driven = any(
+            e.damping and e.displacement.row()[1:].any() if isinstance(e.displacement, Series) else e.damping
+            for e in system.elements
+        )
         return system.speed is None and not driven and all(load.power == 0 for load in system.loads)
 
     def structure(self, Omega: float) -> StateSpace:

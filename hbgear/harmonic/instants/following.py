@@ -128,6 +128,9 @@ class _Step(NamedTuple):
     crossed: list[SpecialExactPoint]
 
 
+Report = Callable[[float, int, float], None]
+
+
 class Follower:
     """Continuation of one curve.
 
@@ -146,9 +149,8 @@ class Follower:
     """
 
     def __init__(
-        self, family: Family, name: str, span: tuple[float, float], max_points: int, special: bool,
-        report: Callable[[float, int, float], None],
-    ) -> None:  # fmt: skip
+        self, family: Family, name: str, span: tuple[float, float], max_points: int, special: bool, report: Report
+    ) -> None:
         self.family, self.name, self.span = family, name, span
         self.width, self.max_points, self.special, self.report = abs(span[1] - span[0]), max_points, special, report
         self.curve, self.step, self.smallest = ExactCurve(), FIRST_STEP, math.inf  # size of the motions of the curve
@@ -339,8 +341,11 @@ class Follower:
         period, pattern = self.family(point.state.value).period, point.state.pattern
         ahead = point.state.with_z(point.state.z + 1e-3 * point.tangent * point.scale)
         before, after = (state.iterate.visit_durations(pattern.visit_ends, period) for state in (point.state, ahead))
-        short = [(visit, a) for visit, a, b in zip(pattern.visits, before, after, strict=True)
-                 if a < SIMULTANEOUS_DURATION * period and b < a]  # fmt: skip
+        short = [
+            (visit, a)
+            for visit, a, b in zip(pattern.visits, before, after, strict=True)
+            if a < SIMULTANEOUS_DURATION * period and b < a
+        ]
         limit = GRAZING_DURATION * period if len(short) == 1 else math.inf
         return [visit for visit, a in short if a < limit]
 
@@ -362,8 +367,12 @@ class Follower:
         """Return the special points between successive points of a step."""
         if not self.special:
             return []
-        return [special for a, b in pairwise(points) if a.state.pattern == b.state.pattern
-                for special in special_points(self.family, a, b)]  # fmt: skip
+        return [
+            special
+            for a, b in pairwise(points)
+            if a.state.pattern == b.state.pattern
+            for special in special_points(self.family, a, b)
+        ]
 
     def _add(self, point: ExactPoint, length: float, special: list[SpecialExactPoint]) -> None:
         """Accept a point after the special points between the last point and it."""
@@ -473,9 +482,11 @@ def _turns(last: ExactPoint, point: ExactPoint) -> bool:
 def _is_closed(curve: ExactCurve) -> bool:
     """Return whether the last step passed the first point in its direction."""
     points = curve.points
-    if len(points) < 5 or points[0].state.pattern != points[-1].state.pattern or (
-        points[-2].state.pattern != points[-1].state.pattern
-    ):  # fmt: skip
+    if (
+        len(points) < 5
+        or points[0].state.pattern != points[-1].state.pattern
+        or (points[-2].state.pattern != points[-1].state.pattern)
+    ):
         return False
     first, last = points[0], points[-1]
     passes = chord_passes(*(point.state.z / last.scale for point in (first, points[-2], last)))

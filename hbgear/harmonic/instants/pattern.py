@@ -90,8 +90,11 @@ class Pattern:
         Switches of other elements may lie between them. If a gap alternates between both sides of a breakpoint, the
         visits of either side are included.
         """
-        return tuple((i, group[(n + 1) % len(group)]) for i, group, n in self._switch_groups()
-                     if self.switches[i].opposite(self.switches[group[(n + 1) % len(group)]]))  # fmt: skip
+        return tuple(
+            (i, group[(n + 1) % len(group)])
+            for i, group, n in self._switch_groups()
+            if self.switches[i].opposite(self.switches[group[(n + 1) % len(group)]])
+        )
 
     @cached_property
     def visit_ends(self) -> Array:

@@ -25,9 +25,15 @@ GRAZING_NOTE = {1: "highest", -1: "lowest"}
 
 
 def build_exact_branch(
-    problem: Any, family: Family, name: str, fixed: dict[str, float], curve: ExactCurve, events: Mapping[str, Event],
-    settings: dict[str, Any], stability: bool,
-) -> Branch:  # fmt: skip
+    problem: Any,
+    family: Family,
+    name: str,
+    fixed: dict[str, float],
+    curve: ExactCurve,
+    events: Mapping[str, Event],
+    settings: dict[str, Any],
+    stability: bool,
+) -> Branch:
     """Return the branch of a curve, without jumps; X are the exact Fourier coefficients of the elements up to H.
 
     ``events`` has the event of each kind of special point, ``settings`` those of the trace for the header of a file.

@@ -63,14 +63,19 @@ def sample_gaps(ode: EquationsAt, iterate: Iterate) -> tuple[Samples, list[Misse
     """Return the gaps over a period, and the crossings for which the iterate has no switches."""
     contacts, durations = iterate.pattern.contacts, iterate.durations(ode.period)
     flows = [ode.flow(segment) for segment in contacts]
-    steps = np.array([
-        max(min(MAX_SEGMENT_STEPS, max(MIN_SEGMENT_STEPS, math.ceil(d * flow.rate / MAX_STEP_OF_FLOW))),
-            taylor_steps(flow, d))
-        for d, flow in zip(durations.tolist(), flows, strict=True)
-    ])  # fmt: skip
-    gaps, slopes = (values[:, 0] for values in _gaps_along(
-        ode, iterate, np.arange(len(flows)), durations / steps, steps + 1, np.zeros(1)
-    ))  # fmt: skip
+    steps = np.array(
+        [
+            max(
+                min(MAX_SEGMENT_STEPS, max(MIN_SEGMENT_STEPS, math.ceil(d * flow.rate / MAX_STEP_OF_FLOW))),
+                taylor_steps(flow, d),
+            )
+            for d, flow in zip(durations.tolist(), flows, strict=True)
+        ]
+    )
+    gaps, slopes = (
+        values[:, 0]
+        for values in _gaps_along(ode, iterate, np.arange(len(flows)), durations / steps, steps + 1, np.zeros(1))
+    )
     step = np.concatenate([np.arange(count + 1) for count in steps])
     tau = np.repeat(iterate.tau, steps + 1) + np.repeat(durations / steps, steps + 1) * step
     bounds, missed = ode.equations.bounds(contacts), []
@@ -122,10 +127,12 @@ def _nodes(ode: EquationsAt, iterate: Iterate, highest: float) -> tuple[Array, A
     durations = iterate.durations(ode.period)
     segments = np.flatnonzero(durations > 0)
     flows = [ode.flow(iterate.pattern.contacts[i]) for i in segments]
-    panels = np.array([
-        max(1, math.ceil(d * max(flow.rate + highest, 2 * flow.rate) / PANEL_ANGLE), taylor_steps(flow, d))
-        for d, flow in zip(durations[segments].tolist(), flows, strict=True)
-    ])  # fmt: skip
+    panels = np.array(
+        [
+            max(1, math.ceil(d * max(flow.rate + highest, 2 * flow.rate) / PANEL_ANGLE), taylor_steps(flow, d))
+            for d, flow in zip(durations[segments].tolist(), flows, strict=True)
+        ]
+    )
     h, offsets = durations[segments] / panels, 0.5 * (1 + GAUSS_NODES)
     gaps = _gaps_along(ode, iterate, segments, h, panels, offsets)[0]
     panel = np.concatenate([np.arange(count) for count in panels])

@@ -123,6 +123,7 @@ def _converted_frequency(model: Model, setting: str, text: str) -> float:
     try:
         rate = to_si(setting, "speed", text, "rad/s")
     except ValueError:
-        raise ValueError(f"{setting} {text}: need a speed with its unit, such as {setting} 9000r/min"
-                         f"{decimal_mark(text)}") from None  # fmt: skip
+        raise ValueError(
+            f"{setting} {text}: need a speed with its unit, such as {setting} 9000r/min{decimal_mark(text)}"
+        ) from None
     return float(physical.from_pinion_speed(rate * 30 / math.pi))

@@ -61,19 +61,38 @@ MODELS: dict[str, type[Model]] = {
 """Classes of the built-in models by their name on the command line."""
 
 _MODEL_CLASSES: dict[str, type[Model]] = {
-    **{cls.__name__: cls for cls in MODELS.values()}, "Train": Train, "System": System, "DrawnPair": DrawnPair,
+    **{cls.__name__: cls for cls in MODELS.values()},
+    "Train": Train,
+    "System": System,
+    "DrawnPair": DrawnPair,
     "EpicyclicSet": EpicyclicSet,
-    "SystemOfLaws": SystemOfLaws
-}  # fmt: skip
+    "SystemOfLaws": SystemOfLaws,
+}
 """Classes of hbgear by name, which a file can be loaded with without naming its model."""
 
 _PART_CLASSES: dict[str, type] = {
     cls.__name__: cls
     for cls in (
-        Gear, GearPair, Support, Wheel, Shaft, Bearing, Mesh, Beam, Housing, MeshCycle, MeshTable, Element, Load,
-        SpeedTerms, MatrixTable, Receptances, BenedictKelley, ToothSliding,
+        Gear,
+        GearPair,
+        Support,
+        Wheel,
+        Shaft,
+        Bearing,
+        Mesh,
+        Beam,
+        Housing,
+        MeshCycle,
+        MeshTable,
+        Element,
+        Load,
+        SpeedTerms,
+        MatrixTable,
+        Receptances,
+        BenedictKelley,
+        ToothSliding,
     )
-}  # fmt: skip
+}
 """Classes of the parts of these models by name."""
 
 

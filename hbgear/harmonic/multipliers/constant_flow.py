@@ -62,9 +62,15 @@ def flow_workspace(g: int, q: int, columns: int) -> Any:
     """Return a `FlowWorkspace` for g ports, q modes and a number of columns."""
     n = 2 * q
     return FlowWorkspace(
-        np.empty((g, g + n + columns)), np.empty((n, n)), np.empty((n, n)), np.empty((n, n)), np.empty((n, n)),
-        np.empty((n, columns)), np.empty((n, columns)), np.empty((g, columns)),
-    )  # fmt: skip
+        np.empty((g, g + n + columns)),
+        np.empty((n, n)),
+        np.empty((n, n)),
+        np.empty((n, n)),
+        np.empty((n, n)),
+        np.empty((n, columns)),
+        np.empty((n, columns)),
+        np.empty((g, columns)),
+    )
 
 
 @kernel

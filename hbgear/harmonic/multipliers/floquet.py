@@ -168,8 +168,10 @@ def floquet_multipliers(
     """
     structure = compiled.structure
     if structure.depends_on_speed:
-        sets = [floquet_multipliers(compiled.at(w), X[i : i + 1], Omega[i : i + 1], points=points, max_step=max_step)[0]
-                for i, w in enumerate(np.asarray(Omega, dtype=float).tolist())]  # fmt: skip
+        sets = [
+            floquet_multipliers(compiled.at(w), X[i : i + 1], Omega[i : i + 1], points=points, max_step=max_step)[0]
+            for i, w in enumerate(np.asarray(Omega, dtype=float).tolist())
+        ]
         mu = np.zeros((len(sets), max(map(len, sets), default=0)), dtype=complex)  # a mode may come to rest at a speed
         for target, values in zip(mu, sets, strict=True):
             target[: len(values)] = values
@@ -334,9 +336,18 @@ def monodromies(
         packed = compiled.packed_of(X)
         constant = np.bool_(resolve and _has_constant_segments(packed))
         count = monodromy_kernels.monodromies(
-            packed, block.modes, X, Omega, mobility, schemes, np.bool_(resolve), constant, MAX_STEP_OVER_PERIOD,
-            float(MAX_STEPS_PER_PERIOD), out,
-        )  # fmt: skip
+            packed,
+            block.modes,
+            X,
+            Omega,
+            mobility,
+            schemes,
+            np.bool_(resolve),
+            constant,
+            MAX_STEP_OVER_PERIOD,
+            float(MAX_STEPS_PER_PERIOD),
+            out,
+        )
         check_steps(count)
         return out
     for motion, frequency, matrix in zip(X, Omega.tolist(), out, strict=True):

@@ -104,14 +104,27 @@ def monodromy_workspace(modes: Any, size: int, s: int, steps: Any, orders: int, 
     g, q, T = modes.output.shape[0], modes.poles.shape[0], steps * s
     c, b = s * modes.base.output.shape[0], modes.base.input.shape[1]
     return MonodromyWorkspace(
-        np.empty((3, T)), np.empty(T), np.empty((6, T)), np.empty((orders, steps, s, g)),
-        np.empty(s + 1), np.empty((2 * q, size)),
-        np.empty((s + 1, q), np.complex128), np.empty((s + 2, (s + 1) * q), np.complex128), np.empty(q, np.complex128),
-        np.empty((orders, c, s * b)), np.empty((orders, c, 2 * q)), np.empty((2 * q, s * b)),
-        np.empty((s * b, s * b + size)), np.empty((s * b, 2 * q)), np.empty((s * b, size)),
-        np.empty((number, size)), np.zeros((g, size)), np.empty((b, size)), np.empty(number, np.bool_),
+        np.empty((3, T)),
+        np.empty(T),
+        np.empty((6, T)),
+        np.empty((orders, steps, s, g)),
+        np.empty(s + 1),
+        np.empty((2 * q, size)),
+        np.empty((s + 1, q), np.complex128),
+        np.empty((s + 2, (s + 1) * q), np.complex128),
+        np.empty(q, np.complex128),
+        np.empty((orders, c, s * b)),
+        np.empty((orders, c, 2 * q)),
+        np.empty((2 * q, s * b)),
+        np.empty((s * b, s * b + size)),
+        np.empty((s * b, 2 * q)),
+        np.empty((s * b, size)),
+        np.empty((number, size)),
+        np.zeros((g, size)),
+        np.empty((b, size)),
+        np.empty(number, np.bool_),
         flow_workspace(g, q, size),
-    )  # fmt: skip
+    )
 
 
 @kernel
@@ -327,9 +340,18 @@ def _end_memory(
 
 @kernel
 def monodromy(
-    sliders: Any, slides: Any, modes: Any, segments: Any, count: int, omega: float, x: Any, L: Any, exact: Any,
-    workspace: Any, out: Any,
-) -> None:  # fmt: skip
+    sliders: Any,
+    slides: Any,
+    modes: Any,
+    segments: Any,
+    count: int,
+    omega: float,
+    x: Any,
+    L: Any,
+    exact: Any,
+    workspace: Any,
+    out: Any,
+) -> None:
     """Compute the real monodromy matrix (r + Q, r + Q) of r modal states and Q sliders into ``out``.
 
     D of the workspace holds dp/dd - kr, and with two orders dp/dv, at the Gauss points of all steps; with ``exact`` it
@@ -528,9 +550,18 @@ def _exact_is_faster(segments: int, steps: float, s: int, g: int, q: int, column
 
 @kernel
 def monodromies(
-    packed: Any, modes: Any, X: Any, Omega: Any, mobility: Any, schemes: Any, resolve: Any, constant: Any,
-    fraction: float, max_steps: float, out: Any,
-) -> float:  # fmt: skip
+    packed: Any,
+    modes: Any,
+    X: Any,
+    Omega: Any,
+    mobility: Any,
+    schemes: Any,
+    resolve: Any,
+    constant: Any,
+    fraction: float,
+    max_steps: float,
+    out: Any,
+) -> float:
     """Compute the monodromy matrices (P, r, r) of motions X (P, n) at Omega (P,) of a model without Python laws.
 
     ``schemes`` holds (x, L, width, turn) of a motion with a short period, the same of one with a long period, the angle

@@ -103,8 +103,11 @@ def exchanges(mu: ComplexArray) -> list[tuple[int, float]]:
     if not segments.size:
         return []
     x = np.log(np.where(pairs, mu, 1.0))
-    distances = np.where(pairs[segments, :, None] & pairs[segments + 1, None, :],
-                     np.abs(x[segments, :, None] - x[segments + 1, None, :]), np.inf)  # fmt: skip
+    distances = np.where(
+        pairs[segments, :, None] & pairs[segments + 1, None, :],
+        np.abs(x[segments, :, None] - x[segments + 1, None, :]),
+        np.inf,
+    )
     leaving, exit_at = _crossing_ratio(distances, x.real, outside, segments, segments + 1)
     entering, entry_at = _crossing_ratio(distances.transpose(0, 2, 1), x.real, outside, segments + 1, segments)
     balanced = number[segments] == number[segments + 1]
@@ -257,8 +260,11 @@ def _continued_pairs(sigma: Array, theta: Array, x: Array, weights: Array) -> np
     offset, slope = x[segment] - x[segment, 1:2], (np.array([[1.0], [-1.0]]) * end - t) / (x[:, 2] - x[:, 1])[segment]
     line = t[:, None] + slope[:, :, None] * offset  # (signs, found, 4)
     sigma_line = s[:, None] + ((sigma[segment, 2, second] - s) / (x[:, 2] - x[:, 1])[segment])[:, None] * offset
-    deviation = np.where(np.abs(sigma[segment] - sigma_line[..., None]) <= MAX_SIGMA_CHANGE * np.abs(s)[:, None, None],
-                   np.abs(theta[segment] - np.abs(line)[..., None]), np.inf)  # fmt: skip
+    deviation = np.where(
+        np.abs(sigma[segment] - sigma_line[..., None]) <= MAX_SIGMA_CHANGE * np.abs(s)[:, None, None],
+        np.abs(theta[segment] - np.abs(line)[..., None]),
+        np.inf,
+    )
     nearest = segment[:, None], np.arange(4), deviation.argmin(axis=-1)
     changes = np.abs(slope[:, :, None]) * np.minimum(np.abs(offset), np.abs(x[segment] - x[segment, 2:3]))
     bends = (np.copysign(theta[nearest], line) - line)[..., [0, 3]] / (offset * (x[segment] - x[segment, 2:3]))[

@@ -38,9 +38,15 @@ def check_steps(count: float) -> None:
 
 
 def monodromy_with_python_laws(
-    compiled: Evaluator, block: ModalBlock, mobility: Array, X: Array, Omega: float, schemes: Any, resolve: bool,
+    compiled: Evaluator,
+    block: ModalBlock,
+    mobility: Array,
+    X: Array,
+    Omega: float,
+    schemes: Any,
+    resolve: bool,
     out: Array,
-) -> None:  # fmt: skip
+) -> None:
     """Compute the monodromy matrix of one motion of a model with Python laws, whose slopes are evaluated here."""
     from hbgear.harmonic.forces.projection_kernels import projection_workspace
     from hbgear.harmonic.multipliers import monodromy_kernels, stiffness_kernels
@@ -56,9 +62,15 @@ def monodromy_with_python_laws(
     buffers = np.empty((6, coarse.shape[1])), np.empty(coarse.shape[1])
     rate = stiffness_kernels.modulation_rate(packed, rows, mobility, coarse, space.waves, *buffers)
     scheme, longest = monodromy_kernels.step_of(
-        max(rate, float(np.sqrt((mobility * largest).max()))), omega, nu, schemes, MAX_STEP_OVER_PERIOD, block.modes,
-        mobility, float(MAX_STEPS_PER_PERIOD),
-    )  # fmt: skip
+        max(rate, float(np.sqrt((mobility * largest).max()))),
+        omega,
+        nu,
+        schemes,
+        MAX_STEP_OVER_PERIOD,
+        block.modes,
+        mobility,
+        float(MAX_STEPS_PER_PERIOD),
+    )
     x, L, _, turn = schemes[scheme]
     if resolve:
         order = stiffness_kernels.modulation_order(packed, rows, space.waves, 1.0 / (2 * len(x) + 1))
@@ -84,9 +96,18 @@ def monodromy_with_python_laws(
     def integrate(part: Array, D: Array, result: Array) -> None:
         """Compute the monodromy matrix over successive segments with the modulations D."""
         monodromy_kernels.monodromy(
-            packed.sliders, space.slides, block.modes, part, len(part), omega, x, L, np.bool_(False),
-            work._replace(D=D), result,
-        )  # fmt: skip
+            packed.sliders,
+            space.slides,
+            block.modes,
+            part,
+            len(part),
+            omega,
+            x,
+            L,
+            np.bool_(False),
+            work._replace(D=D),
+            result,
+        )
 
     if jumps:
         out[:] = _product_with_jumps(integrate, block, segments, jumps, work.D, out)
@@ -95,9 +116,13 @@ def monodromy_with_python_laws(
 
 
 def _product_with_jumps(
-    integrate: Callable[[Array, Array, Array], None], block: ModalBlock, segments: Array,
-    jumps: Mapping[int, list[tuple[int, float]]], D: Array, flow: Array,
-) -> Array:  # fmt: skip
+    integrate: Callable[[Array, Array, Array], None],
+    block: ModalBlock,
+    segments: Array,
+    jumps: Mapping[int, list[tuple[int, float]]],
+    D: Array,
+    flow: Array,
+) -> Array:
     """Return the product of the flows of all segments with the impulses between them; ``flow`` is overwritten."""
     first, product = np.concatenate([[0], np.cumsum(segments[:, 2])]).astype(int), np.eye(len(flow))
     for i in range(len(segments)):
@@ -116,10 +141,12 @@ def _with_coupled_ports(block: ModalBlock, compiled: Evaluator) -> ModalBlock:
     modes, g = block.modes, len(block.modes.ports)
     force, displacement = np.concatenate([np.column_stack([np.arange(g)] * 2), pairs]).T
     extended = SymmetricPair.of(
-        modes.poles, modes.output[displacement], modes.input[:, force],
+        modes.poles,
+        modes.output[displacement],
+        modes.input[:, force],
         np.concatenate([modes.ports, np.full(len(pairs), -1, dtype=np.int64)]),
         modes.flexibility[np.ix_(displacement, force)],
-    )  # fmt: skip
+    )
     return ModalBlock(extended, block.size)
 
 

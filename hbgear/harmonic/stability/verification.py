@@ -76,9 +76,14 @@ UNRESOLVED_INTERVAL = 0.5
 
 
 def verify_multipliers(
-    problem: Any, X: Array, name: str, values: Array, observed: Sequence[dict[str, Any]],
-    parameters: Mapping[str, float], work: Work | None = None,
-) -> None:  # fmt: skip
+    problem: Any,
+    X: Array,
+    name: str,
+    values: Array,
+    observed: Sequence[dict[str, Any]],
+    parameters: Mapping[str, float],
+    work: Work | None = None,
+) -> None:
     """Verify the multipliers of points in place; see `HarmonicBalance.verify_stability`."""
     work = work or Work(math.inf)
     for record in observed:

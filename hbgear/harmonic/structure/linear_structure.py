@@ -51,10 +51,14 @@ _DEPENDENT_DIRECTION_TOLERANCE = 1e-9
 """Relative residual of a direction up to which it counts as a combination of others."""
 
 _REFERENCE_TRIALS = (
-    (1.0, 0.0, 1e-10), (1.37, 0.0, 1e-10), (0.61, 0.0, 1e-10),
-    (1.0, 0.0, _FREE_MOTION_TOLERANCE), (1.37, 0.0, _FREE_MOTION_TOLERANCE), (0.61, 0.0, _FREE_MOTION_TOLERANCE),
+    (1.0, 0.0, 1e-10),
+    (1.37, 0.0, 1e-10),
+    (0.61, 0.0, 1e-10),
+    (1.0, 0.0, _FREE_MOTION_TOLERANCE),
+    (1.37, 0.0, _FREE_MOTION_TOLERANCE),
+    (0.61, 0.0, _FREE_MOTION_TOLERANCE),
     (1.0, 1e-10, _FREE_MOTION_TOLERANCE),
-)  # fmt: skip
+)
 """Trials of `LinearStructure._add_reference_springs`: factor of the springs, disturbance, and zero singular value."""
 
 
@@ -357,9 +361,16 @@ class LinearStructure:
         Z = None if free.shape[1] else _without_drift(self, frequency_scale)
         drifts = max(self.free.shape[1], self.free_left.shape[1]) - free.shape[1]
         return _modes_of_states(
-            C, frequency_scale * np.eye(B.shape[1]), K / frequency_scale, B, Mi @ T.T / frequency_scale, self.W,
-            disturbance, Z, drifts,
-        )  # fmt: skip
+            C,
+            frequency_scale * np.eye(B.shape[1]),
+            K / frequency_scale,
+            B,
+            Mi @ T.T / frequency_scale,
+            self.W,
+            disturbance,
+            Z,
+            drifts,
+        )
 
     def _undamped(self, free: Array, C: Array) -> Array:
         """Return the free motions that no damper acts on."""
@@ -428,10 +439,12 @@ class LinearStructure:
         """Return D(w)^-1 F and its derivative in w for F (K, n, c), by direct solutions."""
         Q, moving = self.solve_all(w, F), w != 0.0
         if self.large or self.n > _MAX_STACKED_COORDINATES:
-            dQ = np.array([
-                -self.solve(wk, 1j * (self.C @ Qk) - 2 * wk * (self.M @ Qk)) if wk else 0 * Qk
-                for wk, Qk in zip(w, Q, strict=True)
-            ])  # fmt: skip
+            dQ = np.array(
+                [
+                    -self.solve(wk, 1j * (self.C @ Qk) - 2 * wk * (self.M @ Qk)) if wk else 0 * Qk
+                    for wk, Qk in zip(w, Q, strict=True)
+                ]
+            )
             return Q, dQ
         dQ, v, x = np.zeros(F.shape, dtype=complex), w[moving], Q[moving]
         dQ[moving] = -self.solve_all(v, 1j * (self.C @ x) - 2 * v[:, None, None] * (self.M @ x))
@@ -445,9 +458,16 @@ def flexibility(K: Array, scale: Array) -> Array:
 
 
 def _modes_of_states(
-    C: Array, upper: Array, lower: Array, B: Array, T: Array, W: Array, disturbance: float, Z: Array | None = None,
+    C: Array,
+    upper: Array,
+    lower: Array,
+    B: Array,
+    T: Array,
+    W: Array,
+    disturbance: float,
+    Z: Array | None = None,
     drifts: int = 0,
-) -> Modes:  # fmt: skip
+) -> Modes:
     """Return the modes of x' = upper y, y' = -lower x - C y + T (F - W u), q = B x.
 
     disturbance : relative disturbance that separates coincident poles. Z : basis of the states to which x, y are

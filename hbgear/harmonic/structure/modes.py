@@ -89,9 +89,12 @@ class SymmetricPair(NamedTuple):
         measuring, measure = _independent_rows(np.hstack([output.real, output.imag, flexibility]))
         acting, action = _independent_rows(np.hstack([input_.real.T, input_.imag.T, flexibility.T]))
         base = IndependentPorts(
-            np.ascontiguousarray(output[measuring]), np.ascontiguousarray(input_[:, acting]),
-            np.ascontiguousarray(flexibility[np.ix_(measuring, acting)]), measure, np.ascontiguousarray(action.T),
-        )  # fmt: skip
+            np.ascontiguousarray(output[measuring]),
+            np.ascontiguousarray(input_[:, acting]),
+            np.ascontiguousarray(flexibility[np.ix_(measuring, acting)]),
+            measure,
+            np.ascontiguousarray(action.T),
+        )
         arrays = np.ascontiguousarray(output), np.ascontiguousarray(input_)
         return cls(poles, *arrays, np.asarray(ports, dtype=np.int64), np.ascontiguousarray(flexibility), base)
 
@@ -198,10 +201,16 @@ def modal_blocks(
         block = _blocks(coupling.max(axis=0, initial=0.0) + np.abs(residual) > _BLOCK_COUPLING_TOLERANCE * largest)
         owner = block[np.argmax(np.einsum("rii->ri", coupling), axis=1)]
         blocks = tuple(
-            _block_of(poles, rotated[0][block == b], rotated[1][:, block == b], active[owner == b],
-                      groups[block == b], residual[np.ix_(block == b, block == b)])
+            _block_of(
+                poles,
+                rotated[0][block == b],
+                rotated[1][:, block == b],
+                active[owner == b],
+                groups[block == b],
+                residual[np.ix_(block == b, block == b)],
+            )
             for b in range(block.max(initial=-1) + 1)
-        )  # fmt: skip
+        )
         if sum(part.size for part in blocks) != whole_block.size or len(blocks) == 1:
             blocks = (whole_block,)
     mobility = mobility_of(poles[active], output[:, active], input_[active])

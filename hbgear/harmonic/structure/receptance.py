@@ -119,8 +119,10 @@ def _load_parts(system: System, nu: int, index: Mapping[int, int]) -> list[_Load
     """Return the harmonics of all loads whose basis harmonic is a key of ``index``."""
     return [
         _LoadPart(load.power, index[order * nu], amplitudes)
-        for load in system.loads for order, amplitudes in load.complex(system.n).items() if order * nu in index
-    ]  # fmt: skip
+        for load in system.loads
+        for order, amplitudes in load.complex(system.n).items()
+        if order * nu in index
+    ]
 
 
 POLE_SHIFT = 1e-5
@@ -185,11 +187,22 @@ class Receptance:
         a, b = structure.independent.astype(np.int64), structure.dependent.astype(np.int64)
         ties, stiffness = structure.compatibility[b], float(np.diag(structure.compatibility).max(initial=0.0))
         return PackedLinearPart(
-            split_complex(poles), split_complex(residues), np.array([structure.kr, structure.c]),
-            self.k.astype(np.int64), np.flatnonzero(~is_unknown), self.e,
-            a, b, np.ascontiguousarray(structure.force_sums[np.ix_(a, b)]), stiffness,
-            ties @ to_real(self.e.T), loads, int(self.nu), inversion_error, *_far_poles(poles, residues),
-        )  # fmt: skip
+            split_complex(poles),
+            split_complex(residues),
+            np.array([structure.kr, structure.c]),
+            self.k.astype(np.int64),
+            np.flatnonzero(~is_unknown),
+            self.e,
+            a,
+            b,
+            np.ascontiguousarray(structure.force_sums[np.ix_(a, b)]),
+            stiffness,
+            ties @ to_real(self.e.T),
+            loads,
+            int(self.nu),
+            inversion_error,
+            *_far_poles(poles, residues),
+        )
 
     def loads(self, Omega: float) -> ComplexArray:
         """Return the load harmonics (K + 1, n) at Omega."""

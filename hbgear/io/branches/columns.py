@@ -129,13 +129,18 @@ def _special(branch: Branch) -> dict[str, Column]:
     rows = [points.get(i) for i in range(len(branch))]
     unit = unit_of(label_of(branch, branch.parameter))
     certificates = {i: p.certificate["Omega"] for i, p in points.items() if p.certificate}
-    certified = {} if not certificates else {
-        f"certified_{end}": Column(
-            [certificates[i][k] if i in certificates else "" for i in range(len(branch))],
-            f"proved {end} bound of Omega of the special point", "1",
-        )
-        for k, end in enumerate(("lower", "upper"))
-    }  # fmt: skip
+    certified = (
+        {}
+        if not certificates
+        else {
+            f"certified_{end}": Column(
+                [certificates[i][k] if i in certificates else "" for i in range(len(branch))],
+                f"proved {end} bound of Omega of the special point",
+                "1",
+            )
+            for k, end in enumerate(("lower", "upper"))
+        }
+    )
     return certified | {
         "special": Column(["" if p is None else p.label for p in rows], "label of the special point"),
         "special_value": Column(

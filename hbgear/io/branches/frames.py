@@ -126,17 +126,20 @@ def to_xarray(branch: Branch) -> xarray.Dataset:
                 _attributes(element_columns[0].meaning, element_columns[0].unit),
             )
         data["amplitude"] = (
-            ("point", "element", "measure"), amplitude.transpose(2, 1, 0),
+            ("point", "element", "measure"),
+            amplitude.transpose(2, 1, 0),
             {"long_name": "amplitude of the motion", "measures": meanings, **size},
-        )  # fmt: skip
+        )
         data["coefficients"] = (
-            ("point", "element", "term"), layout.spread(branch.X),
+            ("point", "element", "term"),
+            layout.spread(branch.X),
             {"long_name": "Fourier coefficients a0, a1, b1, ... over the phase tau / nu", "nu": layout.nu, **size},
-        )  # fmt: skip
+        )
         data["regime"] = (
-            ("point", "element"), branch.regime,
+            ("point", "element"),
+            branch.regime,
             {"long_name": f"impact regime: {', '.join(f'{i} {x}' for i, x in enumerate(layout.regimes))}, -1 unknown"},
-        )  # fmt: skip
+        )
     for name, value in branch.fixed.items():
         data[name] = ((), value, _attributes(*_words(label_of(branch, name))))
     return xr.Dataset(data, coords, about(branch))

@@ -140,14 +140,17 @@ EXPLAINED = {
     "step": "arclength step to each point",
     "special": "special points: kind, label, row (point, from 1), parameters, multipliers, location error",
     "jumps": "jumps of a slow sweep: value, direction, motion before and after",
-    "status": "why the trace ended", "message": "the same in words",
+    "status": "why the trace ended",
+    "message": "the same in words",
     "layout": "layout of X: harmonics H, subharmonic order nu, names of the elements, breakpoints of their laws",
     "meta": "versions, model and settings, in JSON",
     "others": "further curves of the span, in the same form",
     "modulus_error": "estimated error of the largest modulus of the multipliers",
     "amplitude": "measures of amplitude [P x m]: rms of the alternating part, pp2 half peak-to-peak, max, mean",
-    "stable": "true where a point is verified to be stable", "undecided": "true where its stability is undecided",
-    "mesh_Hz": "mesh frequency of each point [Hz]", "pinion_rpm": "speed of the pinion at each point [r/min]",
+    "stable": "true where a point is verified to be stable",
+    "undecided": "true where its stability is undecided",
+    "mesh_Hz": "mesh frequency of each point [Hz]",
+    "pinion_rpm": "speed of the pinion at each point [r/min]",
     "about": "description of the curve",
-}  # fmt: skip
+}
 """Meaning of the variables of a .mat file."""

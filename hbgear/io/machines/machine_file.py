@@ -101,8 +101,17 @@ class Machine:
 
     def model(self) -> DrawnPair:
         """Return the model, whose parameters are the quantities of the drawing."""
-        return DrawnPair(self.pair, self.torque, self.damping, self.form, self.supports or (), self.mesh_model,
-                         self.cycle, self.torque_orders, friction=self.friction)  # fmt: skip
+        return DrawnPair(
+            self.pair,
+            self.torque,
+            self.damping,
+            self.form,
+            self.supports or (),
+            self.mesh_model,
+            self.cycle,
+            self.torque_orders,
+            friction=self.friction,
+        )
 
 
 @checked_arguments()
@@ -162,22 +171,30 @@ def _schema() -> Any:
     supports = create_model("supports", __config__=strict, pinion=(support, ...), wheel=(support, ...))
     mesh = create_model("mesh", __config__=strict, stiffness=(str, ...), error=(str, None), static_error=(str, None))
     keys: dict[str, Any] = {
-        "torque": (str | float, ...), "damping": (str | float, ...), "form": (_KINDS["form"], None),
-        "mesh_model": (_KINDS["mesh_model"], None), "torque_orders": (TORQUE_ORDERS, ()),
+        "torque": (str | float, ...),
+        "damping": (str | float, ...),
+        "form": (_KINDS["form"], None),
+        "mesh_model": (_KINDS["mesh_model"], None),
+        "torque_orders": (TORQUE_ORDERS, ()),
         "friction": (float | table("friction", BenedictKelley, ("viscosity", "speed")), 0.0),
         "pinion": (table("pinion", Gear, ("teeth", "module", "face_width")), ...),
         "wheel": (table("wheel", Gear, ("teeth",)), ...),
         "pair": (table("pair", GearPair, (), ("pinion", "wheel")), None),
-        "support": (supports, None), "mesh": (mesh, None),
-    }  # fmt: skip
+        "support": (supports, None),
+        "mesh": (mesh, None),
+    }
     return create_model("machine", __config__=strict, **keys)
 
 
 _KINDS: dict[str, Any] = {
-    "teeth": int, "internal": bool, "rack": bool, "pitch_errors": list[str | float],
+    "teeth": int,
+    "internal": bool,
+    "rack": bool,
+    "pitch_errors": list[str | float],
     "backlash_measure": Literal["circumferential", "normal", "action"],
-    "form": Literal["torsion", "bearings", "spatial"], "mesh_model": Literal["teeth", "secant", "tangent"],
-}  # fmt: skip
+    "form": Literal["torsion", "bearings", "spatial"],
+    "mesh_model": Literal["teeth", "secant", "tangent"],
+}
 
 
 TORQUE_ORDERS = dict[str, str | float | list[str | float]]
@@ -316,8 +333,10 @@ def machine_text(machine: Machine, remarks: tuple[str, ...] = ()) -> str:
     lines = [f"# {remark}" for remark in remarks]
     lines += [f"torque = {_quantity(machine.torque, 'N m')}", f"damping = {machine.damping!r}"]
     if machine.torque_orders:
-        entries = (f'"{order!r}" = [{_quantity(size, "N m")}, {_quantity(phase, "rad")}]'
-                   for order, size, phase in machine.torque_orders)  # fmt: skip
+        entries = (
+            f'"{order!r}" = [{_quantity(size, "N m")}, {_quantity(phase, "rad")}]'
+            for order, size, phase in machine.torque_orders
+        )
         lines.append(f"torque_orders = {{ {', '.join(entries)} }}")
     if isinstance(machine.friction, BenedictKelley):
         lines.append(f"friction = {{ {', '.join(_entries(machine.friction))} }}")
@@ -325,8 +344,11 @@ def machine_text(machine: Machine, remarks: tuple[str, ...] = ()) -> str:
         lines.append(f"friction = {machine.friction!r}")
     lines += [f'form = "{machine.form}"'] if machine.form != "torsion" else []
     lines += [f'mesh_model = "{machine.mesh_model}"'] if machine.mesh_model else []
-    tables: list[tuple[str, Any]] = [("pinion", machine.pair.pinion), ("wheel", machine.pair.wheel),
-                                     ("pair", machine.pair)]  # fmt: skip
+    tables: list[tuple[str, Any]] = [
+        ("pinion", machine.pair.pinion),
+        ("wheel", machine.pair.wheel),
+        ("pair", machine.pair),
+    ]
     tables += zip(("support.pinion", "support.wheel"), machine.supports or (), strict=False)
     for name, component in tables:
         lines += ["", f"[{name}]", *_entries(component)]

@@ -96,32 +96,55 @@ def _schema() -> Any:
     matrix_keys: dict[str, Any] = dict.fromkeys(NAMES, (str | list[list[float]], None))
     ratios: Any = float | list[float]
     matrices = create_model(
-        "matrices", __config__=strict, **matrix_keys, file=(str, None), names=(list[str], ()), ratio=(float, 1.0),
+        "matrices",
+        __config__=strict,
+        **matrix_keys,
+        file=(str, None),
+        names=(list[str], ()),
+        ratio=(float, 1.0),
         damping_ratio=(ratios, None),
-    )  # fmt: skip
+    )
     table: Any = create_model("table", __config__=strict, response=(str, ...), force=(str, ...), file=(str, ...))
     receptances = create_model(
-        "receptances", __config__=strict, file=(str, None), tables=(list[table], None),
-        names=(dict[str, str], None), static=(str | list[list[float]], None),
+        "receptances",
+        __config__=strict,
+        file=(str, None),
+        tables=(list[table], None),
+        names=(dict[str, str], None),
+        static=(str | list[list[float]], None),
         quantity=(quantity, None),
-    )  # fmt: skip
+    )
     keys: dict[str, Any] = {}
     for entry in LAWS.values():
         for key, kind in () if entry.no_toml else entry.kinds.items():
             keys[key] = kind if key not in keys else keys[key] | kind
     keys = {key: (kind, None) for key, kind in keys.items()}
     element: Any = create_model(
-        "element", __config__=strict, name=(str, ""), direction=(direction, ...), law=(str, ...),
-        damping=(float, 0.0), error=(list[float], None), **keys,
-    )  # fmt: skip
+        "element",
+        __config__=strict,
+        name=(str, ""),
+        direction=(direction, ...),
+        law=(str, ...),
+        damping=(float, 0.0),
+        error=(list[float], None),
+        **keys,
+    )
     load: Any = create_model(
-        "load", __config__=strict, constant=(vector, None), cosine=(dict[str, vector], {}),
-        sine=(dict[str, vector], {}), power=(int, 0),
-    )  # fmt: skip
+        "load",
+        __config__=strict,
+        constant=(vector, None),
+        cosine=(dict[str, vector], {}),
+        sine=(dict[str, vector], {}),
+        power=(int, 0),
+    )
     return create_model(
-        "structure", __config__=strict, matrices=(matrices, None), receptances=(receptances, None),
-        element=(list[element], ...), load=(list[load], []),
-    )  # fmt: skip
+        "structure",
+        __config__=strict,
+        matrices=(matrices, None),
+        receptances=(receptances, None),
+        element=(list[element], ...),
+        load=(list[load], []),
+    )
 
 
 def _system(data: Mapping[str, Any], folder: Path, problems: Problems) -> System | None:
@@ -131,8 +154,11 @@ def _system(data: Mapping[str, Any], folder: Path, problems: Problems) -> System
         problems.append(((tables[-1] if tables else "element",), "give either [matrices] or [receptances]"))
         return None
     table = data[tables[0]]
-    structure = _result_or_problem(problems, (tables[0],), lambda: _matrices(table, folder) if "matrices" in tables
-                  else _receptances(table, folder))  # fmt: skip
+    structure = _result_or_problem(
+        problems,
+        (tables[0],),
+        lambda: _matrices(table, folder) if "matrices" in tables else _receptances(table, folder),
+    )
     if structure is None:
         return None
     elements, loads = (
@@ -169,8 +195,9 @@ def _matrices(table: Mapping[str, Any], folder: Path) -> Matrices:
     sources = {name: table[name] for name in NAMES if table.get(name) is not None}
     names = tuple(table.get("names", ()))
     if table.get("file") is None:
-        structure = from_matrices({name: folder / x if isinstance(x, str) else x for name, x in sources.items()},
-                              None, names)  # fmt: skip
+        structure = from_matrices(
+            {name: folder / x if isinstance(x, str) else x for name, x in sources.items()}, None, names
+        )
     else:
         inline = next((name for name, x in sources.items() if not isinstance(x, str)), None)
         if inline is not None:

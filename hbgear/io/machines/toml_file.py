@@ -155,11 +155,17 @@ def line_of(lines: Mapping[KeyPath, int], key_path: KeyPath) -> int:
 
 
 NEEDED = {
-    "int_type": "a whole number", "int_from_float": "a whole number", "float_type": "a number",
-    "finite_number": "a finite number", "string_type": "text in quotation marks", "bool_type": "true or false",
-    "list_type": "a list in brackets", "tuple_type": "a list in brackets", "dict_type": "a table",
+    "int_type": "a whole number",
+    "int_from_float": "a whole number",
+    "float_type": "a number",
+    "finite_number": "a finite number",
+    "string_type": "text in quotation marks",
+    "bool_type": "true or false",
+    "list_type": "a list in brackets",
+    "tuple_type": "a list in brackets",
+    "dict_type": "a table",
     "model_type": "a table",
-}  # fmt: skip
+}
 """What a value must be, by the type of an error of pydantic."""
 
 
@@ -238,9 +244,13 @@ def exactly() -> Any:
 
 
 def form(
-    title: str, cls: type, kinds: Mapping[str, Any], required: Sequence[str], excluded: Sequence[str] = (),
+    title: str,
+    cls: type,
+    kinds: Mapping[str, Any],
+    required: Sequence[str],
+    excluded: Sequence[str] = (),
     **extra: tuple[Any, Any],
-) -> Any:  # fmt: skip
+) -> Any:
     """Return the schema of a table with the fields of a dataclass, a pydantic model.
 
     Quantities are texts or numbers; the types of other fields are ``kinds``. ``more`` are additional keys with (type,

@@ -61,12 +61,25 @@ from hbgear.io.matrices import from_matrices
 from hbgear.mechanics.structures.speed_terms import MatrixTable
 
 _KINDS: dict[str, Any] = {
-    "name": str, "first": str, "second": str, "at": str, "teeth": int, "internal": bool, "rack": bool, "held": bool,
-    "moves": Literal["torsion", "plane", "space"], "eps": list[float], "eps_lag": list[float], "e": list[float],
-    "e_lag": list[float], "elements": int, "torque_orders": dict[str, str | float | list[str | float]],
-    "backlash_measure": Literal["circumferential", "normal", "action"], "pitch_errors": list[str | float],
+    "name": str,
+    "first": str,
+    "second": str,
+    "at": str,
+    "teeth": int,
+    "internal": bool,
+    "rack": bool,
+    "held": bool,
+    "moves": Literal["torsion", "plane", "space"],
+    "eps": list[float],
+    "eps_lag": list[float],
+    "e": list[float],
+    "e_lag": list[float],
+    "elements": int,
+    "torque_orders": dict[str, str | float | list[str | float]],
+    "backlash_measure": Literal["circumferential", "normal", "action"],
+    "pitch_errors": list[str | float],
     "thickness": list[float],
-}  # fmt: skip
+}
 
 
 def read_train(path: str | os.PathLike[str]) -> Train | EpicyclicSet:
@@ -86,23 +99,42 @@ def _schema() -> Any:
     gear = form("gear", Gear, _KINDS, ("teeth", "module", "face_width"))
     pair = form("pair", GearPair, _KINDS, (), ("pinion", "wheel"))
     mesh = form(
-        "mesh", Mesh, _KINDS, ("first", "second"), _FUNCTIONS, pair=(pair, None), torque=(str | float, None),
-        mesh_model=(Literal["teeth", "secant", "tangent"], None), friction=(float, 0.0),
-    )  # fmt: skip
+        "mesh",
+        Mesh,
+        _KINDS,
+        ("first", "second"),
+        _FUNCTIONS,
+        pair=(pair, None),
+        torque=(str | float, None),
+        mesh_model=(Literal["teeth", "secant", "tangent"], None),
+        friction=(float, 0.0),
+    )
     table = create_model(
         "table", __config__=exactly(), speed=(list[str | float], ...), matrices=(list[list[list[float]]], ...)
     )
     matrix: Any = str | list[list[float]]
     orders: Any = _KINDS["torque_orders"]
     housing = create_model(
-        "housing", __config__=exactly(), M=(matrix, ...), K=(matrix, ...), C=(matrix, None), names=(list[str], ()),
+        "housing",
+        __config__=exactly(),
+        M=(matrix, ...),
+        K=(matrix, ...),
+        C=(matrix, None),
+        names=(list[str], ()),
         seats=(dict[str, dict[str, str]], {}),
-    )  # fmt: skip
+    )
     epicyclic = create_model(
-        "epicyclic", __config__=exactly(), planets=(int, ...), torque=(str | float, ...),
-        carrier_inertia=(str | float, 0.01), bodies=(list[list[str]], ()), driver=(str, ""), output=(str, ""),
-        fixed=(str, ""), torque_orders=(orders, ()),
-    )  # fmt: skip
+        "epicyclic",
+        __config__=exactly(),
+        planets=(int, ...),
+        torque=(str | float, ...),
+        carrier_inertia=(str | float, 0.01),
+        bodies=(list[list[str]], ()),
+        driver=(str, ""),
+        output=(str, ""),
+        fixed=(str, ""),
+        torque_orders=(orders, ()),
+    )
     lists: dict[str, Any] = {
         "wheel": form("wheel", Wheel, _KINDS, ("name",), gear=(gear, None)),
         "shaft": form("shaft", Shaft, _KINDS, ("first", "second")),
@@ -148,8 +180,15 @@ def _train(data: Mapping[str, Any], folder: Path, problems: Problems) -> Train |
     if problems:
         return None
     options = {name: data[name] for name in ("balance", "gyroscopic") if name in data}
-    values = {"wheels": wheels, "meshes": meshes, "shafts": shafts, "bearings": bearings, "beams": beams,
-              "housing": housing, **options}  # fmt: skip
+    values = {
+        "wheels": wheels,
+        "meshes": meshes,
+        "shafts": shafts,
+        "bearings": bearings,
+        "beams": beams,
+        "housing": housing,
+        **options,
+    }
     return constructed(problems, ("mesh", 0), Train, values)
 
 
@@ -235,8 +274,11 @@ def _bearing(key_path: KeyPath, table: Mapping[str, Any], problems: Problems) ->
 def _housing(table: Mapping[str, Any], folder: Path, problems: Problems) -> Housing | None:
     """Return the housing with its matrices from files or rows of numbers."""
     try:
-        sources = {name: folder / table[name] if isinstance(table[name], str) else table[name]
-                   for name in ("M", "K", "C") if table.get(name) is not None}  # fmt: skip
+        sources = {
+            name: folder / table[name] if isinstance(table[name], str) else table[name]
+            for name in ("M", "K", "C")
+            if table.get(name) is not None
+        }
         matrices = from_matrices(sources)
         return Housing(matrices.M, matrices.K, matrices.C, table.get("names", ()), table.get("seats", {}))
     except ValueError as error:
@@ -272,7 +314,15 @@ def _mesh(key_path: KeyPath, table: Mapping[str, Any], gears: Mapping[str, Gear]
     if pair is None:
         return None
     return constructed(
-        problems, key_path, Mesh, fields,
-        lambda **values: Mesh.of(pair=pair, torque=table["torque"], mesh=table.get("mesh_model"),
-                                friction=table.get("friction", 0.0), **values),
-    )  # fmt: skip
+        problems,
+        key_path,
+        Mesh,
+        fields,
+        lambda **values: Mesh.of(
+            pair=pair,
+            torque=table["torque"],
+            mesh=table.get("mesh_model"),
+            friction=table.get("friction", 0.0),
+            **values,
+        ),
+    )

@@ -63,8 +63,10 @@ def _plain(content: bytes) -> bytes:
         if kind == _COMPRESSED:
             part = _unpacked(content[start:end], order, remaining)
             if part is None:
-                raise DamagedFileError(f"it unpacks to more than {limit:,} bytes in a file of {len(content):,}; "
-                              "write sparse matrices as such")  # fmt: skip
+                raise DamagedFileError(
+                    f"it unpacks to more than {limit:,} bytes in a file of {len(content):,}; "
+                    "write sparse matrices as such"
+                )
             remaining -= len(part)
         elif kind == _MATRIX:
             part = content[position:end]

@@ -12,8 +12,19 @@ from hbgear.common.optional import needed
 from hbgear.common.process.checksums import DamagedFileError
 
 _SIGNATURE = b"\x89HDF\r\n\x1a\n"
-_NUMBERS = {b"double", b"single", b"logical", b"int8", b"int16", b"int32", b"int64", b"uint8", b"uint16", b"uint32",
-            b"uint64"}  # fmt: skip
+_NUMBERS = {
+    b"double",
+    b"single",
+    b"logical",
+    b"int8",
+    b"int16",
+    b"int32",
+    b"int64",
+    b"uint8",
+    b"uint16",
+    b"uint32",
+    b"uint64",
+}
 MAX_MATRIX_BYTES = 1 << 30
 """Largest matrix that is read; only damaged files declare larger ones, or sparse matrices stored as dense."""
 

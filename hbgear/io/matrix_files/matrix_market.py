@@ -35,8 +35,11 @@ def read_matrix_market(path: str | os.PathLike[str]) -> Any:
     if form == "coordinate":
         expected = entries * (2 + _TOKENS[kind])
     else:
-        half = {"symmetric": rows * (rows + 1) // 2, "hermitian": rows * (rows + 1) // 2,
-                "skew-symmetric": rows * (rows - 1) // 2}  # fmt: skip
+        half = {
+            "symmetric": rows * (rows + 1) // 2,
+            "hermitian": rows * (rows + 1) // 2,
+            "skew-symmetric": rows * (rows - 1) // 2,
+        }
         expected = half.get(symmetry, rows * columns) * _TOKENS[kind]
     if found != expected:
         raise DamagedFileError(f"it has {found} numbers, and its size needs {expected}")

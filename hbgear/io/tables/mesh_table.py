@@ -20,15 +20,41 @@ PERIODICITY_TOLERANCE = 1e-3
 """Largest difference between the first and last value of a cycle, relative to the range of values."""
 
 _PHASE = Kind(
-    "phase", dict.fromkeys(("phase", "mesh phase", "phase of mesh", "mesh cycle", "cycle", "tau", "theta", "x"), None),
-    lambda unit: unit == "" or unit in ANGLE, "cycle, deg, rad, -",
-)  # fmt: skip
+    "phase",
+    dict.fromkeys(("phase", "mesh phase", "phase of mesh", "mesh cycle", "cycle", "tau", "theta", "x"), None),
+    lambda unit: unit == "" or unit in ANGLE,
+    "cycle, deg, rad, -",
+)
 
-_STIFFNESS = ("stiffness", "mesh stiffness", "gear mesh stiffness", "time varying mesh stiffness", "tvms", "k", "k(t)",
-              "k m", "km", "k mesh", "c gamma", "torsional stiffness")  # fmt: skip
-_ERROR = ("error", "transmission error", "static transmission error", "loaded transmission error",
-          "unloaded transmission error", "static error", "te", "ste", "lte", "e", "e(t)", "displacement",
-          "deviation")  # fmt: skip
+_STIFFNESS = (
+    "stiffness",
+    "mesh stiffness",
+    "gear mesh stiffness",
+    "time varying mesh stiffness",
+    "tvms",
+    "k",
+    "k(t)",
+    "k m",
+    "km",
+    "k mesh",
+    "c gamma",
+    "torsional stiffness",
+)
+_ERROR = (
+    "error",
+    "transmission error",
+    "static transmission error",
+    "loaded transmission error",
+    "unloaded transmission error",
+    "static error",
+    "te",
+    "ste",
+    "lte",
+    "e",
+    "e(t)",
+    "displacement",
+    "deviation",
+)
 
 
 @checked_arguments()
@@ -71,14 +97,18 @@ def read_mesh_table(path: str | os.PathLike[str], column: int | str = 1, unit: s
     if not known_unit(unit):
         raise ValueError(f"read_table: unit = {quoted(unit)} is not known; need one such as 'N/m' or 'm'")
     values = Kind(
-        "value", dict.fromkeys(_names_for(unit), None), lambda x: factor_of(x, [unit]) is not None,
+        "value",
+        dict.fromkeys(_names_for(unit), None),
+        lambda x: factor_of(x, [unit]) is not None,
         f"{unit} and units that convert to it",
-    )  # fmt: skip
+    )
     table = read_data_table(path, "a table of a mesh cycle", [_PHASE, values])
     column = _position(path, table, column, values)
     if named(table.headings[0], _PHASE) is None:
-        raise ValueError(f"{path}: the first column is {quoted(split(table.headings[0])[0])}; need the phase, as in "
-                         "'phase [cycle]' (shaft angles are not phases of the mesh)")  # fmt: skip
+        raise ValueError(
+            f"{path}: the first column is {quoted(split(table.headings[0])[0])}; need the phase, as in "
+            "'phase [cycle]' (shaft angles are not phases of the mesh)"
+        )
     phases, value_column = table.column(0, _PHASE), table.column(column, values)
     if len(table.rows) < 3:
         raise ValueError(f"{path}: {len(table.rows)} rows of numbers are too few for a mesh cycle")
@@ -107,8 +137,10 @@ def _position(path: object, table: DataTable, column: int | str, values: Kind) -
         raise ValueError(f"{path}: it has {len(column_names)} columns, and no column {column} (from 0)")
     if named(table.headings[column], values) is None:
         name = quoted(column_names[column])
-        raise ValueError(f"{path}: the column {name} is unknown; accepted are {', '.join(values.names)}; a column of "
-                         f"another name is given by it: column={name}")  # fmt: skip
+        raise ValueError(
+            f"{path}: the column {name} is unknown; accepted are {', '.join(values.names)}; a column of "
+            f"another name is given by it: column={name}"
+        )
     return column
 
 
@@ -129,6 +161,8 @@ def _closed(path: object, lines: Sequence[int], phase: Array, value: Array) -> t
             )
         return phase, np.append(value[:-1], value[0])
     if not (length < 1 and 1 - length <= 1.5 * step):
-        raise ValueError(f"{path}: its phases span {length:.4g} mesh cycles; need one whole cycle, periodic: from "
-                         "one pair of teeth to the next, 1/z of a revolution")  # fmt: skip
+        raise ValueError(
+            f"{path}: its phases span {length:.4g} mesh cycles; need one whole cycle, periodic: from "
+            "one pair of teeth to the next, 1/z of a revolution"
+        )
     return np.append(phase, 1.0), np.append(value, value[0])

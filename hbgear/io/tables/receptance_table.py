@@ -38,21 +38,55 @@ def _is_magnitude(unit: str) -> bool:
 
 _SPEEDS = {"n": None, "speed": None, "rotational speed": None, "shaft speed": None}
 KINDS = (
-    Kind("frequency",
-         {"frequency": "Hz", "freq": "Hz", "f": "Hz", "hz": "Hz", "khz": "kHz", "omega": "rad/s", "Omega": "rad/s",
-          "w": "rad/s", "ω": "rad/s", "angular frequency": "rad/s", "circular frequency": "rad/s", "rpm": "r/min",
-          **_SPEEDS},
-         FREQUENCY.__contains__, ", ".join(FREQUENCY)),
-    Kind("real part", dict.fromkeys(("real", "re", "real part", "re(H)", "real(H)", "re H", "H real"), ""), _is_size,
-         _RESPONSE_UNITS),
-    Kind("imaginary part", dict.fromkeys(("imag", "im", "imaginary", "imag part", "imaginary part", "im(H)", "imag(H)",
-                                          "im H", "H imag"), ""), _is_size, _RESPONSE_UNITS),
-    Kind("magnitude", dict.fromkeys(("magnitude", "mag", "amplitude", "abs", "modulus", "|H|", "abs(H)", "mag(H)"), "")
-         | {"db": "dB"}, _is_magnitude, f"{_RESPONSE_UNITS}, dB, dB re 1 m/N"),
-    Kind("phase", dict.fromkeys(("phase", "angle", "phase angle", "arg", "arg(H)", "phase(H)", "angle(H)", "∠H"), ""),
-         lambda unit: unit == "" or (unit in ANGLE and unit != "cycle"), "deg, rad, mrad"),
+    Kind(
+        "frequency",
+        {
+            "frequency": "Hz",
+            "freq": "Hz",
+            "f": "Hz",
+            "hz": "Hz",
+            "khz": "kHz",
+            "omega": "rad/s",
+            "Omega": "rad/s",
+            "w": "rad/s",
+            "ω": "rad/s",
+            "angular frequency": "rad/s",
+            "circular frequency": "rad/s",
+            "rpm": "r/min",
+            **_SPEEDS,
+        },
+        FREQUENCY.__contains__,
+        ", ".join(FREQUENCY),
+    ),
+    Kind(
+        "real part",
+        dict.fromkeys(("real", "re", "real part", "re(H)", "real(H)", "re H", "H real"), ""),
+        _is_size,
+        _RESPONSE_UNITS,
+    ),
+    Kind(
+        "imaginary part",
+        dict.fromkeys(
+            ("imag", "im", "imaginary", "imag part", "imaginary part", "im(H)", "imag(H)", "im H", "H imag"), ""
+        ),
+        _is_size,
+        _RESPONSE_UNITS,
+    ),
+    Kind(
+        "magnitude",
+        dict.fromkeys(("magnitude", "mag", "amplitude", "abs", "modulus", "|H|", "abs(H)", "mag(H)"), "")
+        | {"db": "dB"},
+        _is_magnitude,
+        f"{_RESPONSE_UNITS}, dB, dB re 1 m/N",
+    ),
+    Kind(
+        "phase",
+        dict.fromkeys(("phase", "angle", "phase angle", "arg", "arg(H)", "phase(H)", "angle(H)", "∠H"), ""),
+        lambda unit: unit == "" or (unit in ANGLE and unit != "cycle"),
+        "deg, rad, mrad",
+    ),
     Kind("coherence", dict.fromkeys(("coherence", "coh", "γ²", "gamma2"), ""), lambda unit: unit in ("", "%"), "-, %"),
-)  # fmt: skip
+)
 """Columns of a table of a frequency response; the coherence is not used."""
 
 _DEFAULT = ("frequency [Hz]", "real", "imag")
@@ -69,8 +103,10 @@ def read_response(path: str | os.PathLike[str], quantity: str | None) -> tuple[A
     columns = table.columns(KINDS)
     pairs = [pair for pair in _PAIRS if any(role in columns for role in pair)]
     if "frequency" not in columns or len(pairs) != 1 or not all(role in columns for role in pairs[0]):
-        raise ValueError(f"'{path}' has the columns {', '.join(map(repr, table.headings))}; need a frequency with real "
-                         "and imaginary part, or with magnitude and phase")  # fmt: skip
+        raise ValueError(
+            f"'{path}' has the columns {', '.join(map(repr, table.headings))}; need a frequency with real "
+            "and imaginary part, or with magnitude and phase"
+        )
     if "coherence" in columns:
         columns["coherence"].numbers()  # not used, but refuses cells that are not numbers
     f = columns["frequency"].numbers() * FREQUENCY[columns["frequency"].unit]
@@ -95,8 +131,10 @@ def _sizes(column: Column, quantity: str | None) -> tuple[Array, str]:
         return values, quantity or "receptance"
     factor, unit_quantity = _fitting(unit) or (1.0, "receptance")
     if quantity not in (None, unit_quantity):
-        raise ValueError(f"'{column.file}': the unit of the column {column.heading!r} is that of {unit_quantity}, not "
-                         f"{quantity}; give quantity='{unit_quantity}', or correct the unit")  # fmt: skip
+        raise ValueError(
+            f"'{column.file}': the unit of the column {column.heading!r} is that of {unit_quantity}, not "
+            f"{quantity}; give quantity='{unit_quantity}', or correct the unit"
+        )
     return values * factor, unit_quantity
 
 
@@ -121,7 +159,9 @@ def _angles(column: Column) -> Array:
     """Return phases in radians; without a unit they are degrees, unless they may be radians."""
     values = column.numbers()
     if not column.unit and np.abs(values).max() <= MAX_PHASE_IN_RADIANS and values.any():
-        raise ValueError(f"'{column.file}': the column {column.heading!r} has no unit, and its numbers may be degrees "
-                         "or radians; write 'phase [deg]' or 'phase [rad]'")  # fmt: skip
+        raise ValueError(
+            f"'{column.file}': the column {column.heading!r} has no unit, and its numbers may be degrees "
+            "or radians; write 'phase [deg]' or 'phase [rad]'"
+        )
     factor = ANGLE[column.unit or "deg"]
     return values * factor

@@ -82,8 +82,10 @@ class Column:
 
     def wrong(self, i: int, reason: str) -> ValueError:
         """Return the error of a cell, with its line."""
-        return ValueError(f"'{self.file}', line {self.lines[i]}: {quoted(self.cells[i])} in the column "
-                          f"{quoted(self.heading)} {reason}")  # fmt: skip
+        return ValueError(
+            f"'{self.file}', line {self.lines[i]}: {quoted(self.cells[i])} in the column "
+            f"{quoted(self.heading)} {reason}"
+        )
 
     def numbers(self) -> Array:
         """Return all cells as finite numbers, in the unit of the column."""
@@ -137,8 +139,9 @@ class DataTable:
                 continue
             if kind.role in columns:
                 first = quoted(columns[kind.role].heading)
-                raise ValueError(f"'{self.file}': the columns {first} and {quoted(heading)} are both the {kind.role}; "
-                                 "need one")  # fmt: skip
+                raise ValueError(
+                    f"'{self.file}': the columns {first} and {quoted(heading)} are both the {kind.role}; need one"
+                )
             implied = named(heading, kind) or (None if role is None else "",)
             columns[kind.role] = self._column_in_unit(i, kind, implied[0] or (assumed or {}).get(kind.role, implied[0]))
         return columns
@@ -148,8 +151,10 @@ class DataTable:
             positions = [i for i, heading in enumerate(self.headings) if matches(heading)]
             if len(positions) == 1:
                 return positions[0]
-        raise KeyError(f"'{self.file}': there is no column {quoted(head)} for {role}; it has "
-                       f"{', '.join(quoted(heading) for heading in self.headings)}")  # fmt: skip
+        raise KeyError(
+            f"'{self.file}': there is no column {quoted(head)} for {role}; it has "
+            f"{', '.join(quoted(heading) for heading in self.headings)}"
+        )
 
     def _column_in_unit(self, i: int, kind: Kind, implied: str | None) -> Column:
         """Return a column with its unit, which its heading states or the kind implies."""

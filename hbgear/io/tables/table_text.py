@@ -26,8 +26,13 @@ _COMMENT = re.compile(r"\s*(#(?!N/A|NV\b|DIV/0|REF!|VALUE!|NAME\?|NUM!|NULL!)|%|
 _NUMBER = re.compile(r"[-+]?(\d+[.,]?\d*|[.,]\d+)([eEdD][-+]?\d+)?|[-+]?(nan|inf|infinity)", re.ASCII | re.IGNORECASE)
 _GROUPED = re.compile(r"[-+]?\d{1,3}([ ,.'’\u00a0\u202f]\d{3})+([.,]\d*)?", re.ASCII)
 _NO_TEXT = re.compile(r"[\x00-\x08\x0e-\x1f\x7f]")
-_MARKS = ((b"\xef\xbb\xbf", "utf-8"), (b"\xff\xfe\0\0", "utf-32-le"), (b"\0\0\xfe\xff", "utf-32-be"),
-          (b"\xff\xfe", "utf-16-le"), (b"\xfe\xff", "utf-16-be"))  # fmt: skip
+_MARKS = (
+    (b"\xef\xbb\xbf", "utf-8"),
+    (b"\xff\xfe\0\0", "utf-32-le"),
+    (b"\0\0\xfe\xff", "utf-32-be"),
+    (b"\xff\xfe", "utf-16-le"),
+    (b"\xfe\xff", "utf-16-be"),
+)
 
 
 @dataclass(frozen=True)
@@ -108,8 +113,10 @@ def table_text(text: str, name: str) -> TableText:
     named = [_headings(line, mark, width) for line in heads]
     if header_count > 2 or (header_count == 2 and not _has_line_of_units(named)):
         i, line = lines[header_count - 2 if header_count > 2 else 0]
-        raise ValueError(f"'{name}', line {i}: {quoted(line.strip()[:80])} is not a row of numbers; mark comments with "
-                         "#, and give one line of column names")  # fmt: skip
+        raise ValueError(
+            f"'{name}', line {i}: {quoted(line.strip()[:80])} is not a row of numbers; mark comments with "
+            "#, and give one line of column names"
+        )
     headings = _joined(named) if header_count == 2 else named[0] if header_count else None
     if header_count == 1 and headings is None:
         raise ValueError(f"'{name}': {_mismatch(heads[0], mark, width, body[0])}")
@@ -171,8 +178,12 @@ def _separator(lines: Sequence[str]) -> str | None:
     if not any("," in line for line in lines):
         return None
     cells = [line.split() for line in lines]  # with spaces as separators, commas in numbers are decimal marks
-    spaced = all(len(row) > 1 and all("," not in cell or number_of_cell(cell) is not None for cell in row)
-                 and not any(cell.startswith(",") or cell.endswith(",") for cell in row) for row in cells)  # fmt: skip
+    spaced = all(
+        len(row) > 1
+        and all("," not in cell or number_of_cell(cell) is not None for cell in row)
+        and not any(cell.startswith(",") or cell.endswith(",") for cell in row)
+        for row in cells
+    )
     return None if spaced else ","
 
 
@@ -252,8 +263,10 @@ def _equal_width_rows(rows: Sequence[Row], headings: tuple[str, ...] | None, mar
             cells = cells[:-1]
         if len(cells) != width:
             hint = " (with decimal commas, separate columns by semicolons or tabs)" if mark == "," else ""
-            raise ValueError(f"'{name}', line {row.line} has {len(cells)} cells, and the table has {width} columns; "
-                             f"need one for each{hint}")  # fmt: skip
+            raise ValueError(
+                f"'{name}', line {row.line} has {len(cells)} cells, and the table has {width} columns; "
+                f"need one for each{hint}"
+            )
         for cell in cells:
             if number_of_cell(cell) is not None:
                 marks.update(decimal_mark for decimal_mark in ".," if decimal_mark in cell)

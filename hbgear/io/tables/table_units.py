@@ -13,22 +13,61 @@ from math import pi
 from hbgear.common.units import to_si
 
 FREQUENCY = {
-    "Hz": 1.0, "mHz": 1e-3, "kHz": 1e3, "MHz": 1e6, "r/min": 1 / 60, "rad/s": 1 / (2 * pi), "krad/s": 1e3 / (2 * pi),
-    "r/s": 1.0, "deg/s": 1 / 360,
-}  # fmt: skip
+    "Hz": 1.0,
+    "mHz": 1e-3,
+    "kHz": 1e3,
+    "MHz": 1e6,
+    "r/min": 1 / 60,
+    "rad/s": 1 / (2 * pi),
+    "krad/s": 1e3 / (2 * pi),
+    "r/s": 1.0,
+    "deg/s": 1 / 360,
+}
 """Cycles per second of each unit of frequency and speed."""
 
 ANGLE = {"deg": pi / 180, "rad": 1.0, "mrad": 1e-3, "cycle": 2 * pi}
 """Radians of each unit of angle."""
 
 _SPELLINGS = {
-    "hz": "Hz", "khz": "kHz", "cps": "Hz", "cycle/s": "Hz", "cycles/s": "Hz",
-    "rpm": "r/min", "1/min": "r/min", "min^-1": "r/min", "min-1": "r/min", "u/min": "r/min", "rev/min": "r/min",
-    "tr/min": "r/min", "cpm": "r/min", "r/min": "r/min", "rps": "r/s", "rev/s": "r/s", "u/s": "r/s", "r/s": "r/s",
-    "rad/s": "rad/s", "rad/sec": "rad/s", "rad s^-1": "rad/s", "rad*s^-1": "rad/s", "krad/s": "krad/s",
-    "deg/s": "deg/s", "degree": "deg", "degrees": "deg", "grad": "grad", "deg": "deg", "rad": "rad", "radian": "rad",
-    "radians": "rad", "mrad": "mrad", "cycle": "cycle", "cycles": "cycle", "-": "", "1": "", "none": "", "": "",
-}  # fmt: skip
+    "hz": "Hz",
+    "khz": "kHz",
+    "cps": "Hz",
+    "cycle/s": "Hz",
+    "cycles/s": "Hz",
+    "rpm": "r/min",
+    "1/min": "r/min",
+    "min^-1": "r/min",
+    "min-1": "r/min",
+    "u/min": "r/min",
+    "rev/min": "r/min",
+    "tr/min": "r/min",
+    "cpm": "r/min",
+    "r/min": "r/min",
+    "rps": "r/s",
+    "rev/s": "r/s",
+    "u/s": "r/s",
+    "r/s": "r/s",
+    "rad/s": "rad/s",
+    "rad/sec": "rad/s",
+    "rad s^-1": "rad/s",
+    "rad*s^-1": "rad/s",
+    "krad/s": "krad/s",
+    "deg/s": "deg/s",
+    "degree": "deg",
+    "degrees": "deg",
+    "grad": "grad",
+    "deg": "deg",
+    "rad": "rad",
+    "radian": "rad",
+    "radians": "rad",
+    "mrad": "mrad",
+    "cycle": "cycle",
+    "cycles": "cycle",
+    "-": "",
+    "1": "",
+    "none": "",
+    "": "",
+}
 """Other spellings of a unit, in lower case."""
 
 _CASE_SENSITIVE = {"mHz", "MHz"}

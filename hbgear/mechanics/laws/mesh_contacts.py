@@ -69,8 +69,10 @@ class ToothContact(Law):  # numpydoc ignore=PR02
             raise ValueError(f"ToothContact: side = {quoted(self.side)} must be 1 or -1")
         lowest = self.stiffness.extremes()[0] if isinstance(self.stiffness, Periodic) else self.stiffness.mean
         if lowest < -ROUNDING * self.stiffness.bound:
-            raise ValueError(f"ToothContact: the stiffness has the minimum {lowest:.4g}; contacts push, so that it "
-                             "must not be negative: correct the values of the table")  # fmt: skip
+            raise ValueError(
+                f"ToothContact: the stiffness has the minimum {lowest:.4g}; contacts push, so that it "
+                "must not be negative: correct the values of the table"
+            )
 
     @property
     def reference(self) -> float:
@@ -223,9 +225,14 @@ class MeshContacts(Law):  # numpydoc ignore=PR02
     def changed(self, stiffness: Callable[[Phased], Phased], level: Callable[[Phased], Phased]) -> MeshContacts:
         """Return the contacts with changed functions of the phase, such as shifted ones."""
         sliding = None if self.sliding is None else self.sliding.changed(stiffness)
-        return replace(self, contacts=tuple(
-            ToothContact(stiffness(contact.stiffness), level(contact.level), contact.side) for contact in self.contacts
-        ), sliding=sliding)  # fmt: skip
+        return replace(
+            self,
+            contacts=tuple(
+                ToothContact(stiffness(contact.stiffness), level(contact.level), contact.side)
+                for contact in self.contacts
+            ),
+            sliding=sliding,
+        )
 
     def turned(self, change: Callable[[Phased], Phased], order: int = 1) -> MeshContacts:
         """Return the contacts with all functions of the phase changed, which ``order`` periods are a period of."""
@@ -253,13 +260,15 @@ class MeshContacts(Law):  # numpydoc ignore=PR02
         if sliding is None or sliding.normal:
             return self
         k = [
-            c.stiffness if not any(map(_is_set, (a, b))) else _joined(
+            c.stiffness
+            if not any(map(_is_set, (a, b)))
+            else _joined(
                 pieces_of(c.stiffness)
                 .plus(pieces_of(a).scaled(c.side * sliding.lever))
                 .plus(pieces_of(b).scaled(c.side * sliding.lever_slope))
             )
             for c, a, b in zip(self.contacts, sliding.across, sliding.slide, strict=True)
-        ]  # fmt: skip
+        ]
         return self._with_stiffness(k, replace(sliding, normal=tuple(c.stiffness for c in self.contacts)))
 
     def sliding_forces(self, d: Array, tau: Array) -> SlidingForces:
@@ -337,10 +346,13 @@ def _scaled(law: MeshContacts, stiffness: float, length: float) -> MeshContacts:
 
 @lru_cache(maxsize=32)  # a model assembles its system for each motion that is evaluated
 def _widened(law: MeshContacts, half_backlash: float) -> MeshContacts:
-    return replace(law, contacts=tuple(
-        ToothContact(contact.stiffness, _plus(contact.level, contact.side * half_backlash), contact.side)
-        for contact in law.contacts
-    ))  # fmt: skip
+    return replace(
+        law,
+        contacts=tuple(
+            ToothContact(contact.stiffness, _plus(contact.level, contact.side * half_backlash), contact.side)
+            for contact in law.contacts
+        ),
+    )
 
 
 class MovingSpring(NamedTuple):
@@ -431,8 +443,11 @@ def first_level(contacts: tuple[ToothContact, ...], side: int) -> Envelope:
             continue
         for start, index in _crossings(rows[:, i], np.flatnonzero(present[:, i]), float(width[i])):
             piece_starts.append(starts[i] + start)
-            out.append(np.polynomial.polynomial.Polynomial(rows[index, i])(
-                np.polynomial.polynomial.Polynomial([start, 1.0])).coef)  # fmt: skip
+            out.append(
+                np.polynomial.polynomial.Polynomial(rows[index, i])(
+                    np.polynomial.polynomial.Polynomial([start, 1.0])
+                ).coef
+            )
     pieces = PiecewisePolynomial(np.array(piece_starts), np.concatenate([as_cubic(row[None]) for row in out]))
     ends = np.linspace(0.0, 1.0, 9) * pieces.widths[:, None]
     smallest = np.polynomial.polynomial.polyval(ends, pieces.rows.T[..., None], tensor=False).min()

@@ -115,23 +115,41 @@ _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 @overload
 def register_measure(
-    function: _Function, /,
-    *, name: str | None = None, text: str | None = None, dimension: int = 1, unit: str = "", peaks: bool = True,
+    function: _Function,
+    /,
+    *,
+    name: str | None = None,
+    text: str | None = None,
+    dimension: int = 1,
+    unit: str = "",
+    peaks: bool = True,
     default: bool = False,
-) -> _Function: ...  # fmt: skip
+) -> _Function: ...
 
 
 @overload
 def register_measure(
-    *, name: str | None = None, text: str | None = None, dimension: int = 1, unit: str = "", peaks: bool = True,
+    *,
+    name: str | None = None,
+    text: str | None = None,
+    dimension: int = 1,
+    unit: str = "",
+    peaks: bool = True,
     default: bool = False,
-) -> Callable[[_Function], _Function]: ...  # fmt: skip
+) -> Callable[[_Function], _Function]: ...
 
 
 def register_measure(
-    function: Any = None, /, *, name: str | None = None, text: str | None = None, dimension: int = 1, unit: str = "",
-    peaks: bool = True, default: bool = False,
-) -> Any:  # fmt: skip
+    function: Any = None,
+    /,
+    *,
+    name: str | None = None,
+    text: str | None = None,
+    dimension: int = 1,
+    unit: str = "",
+    peaks: bool = True,
+    default: bool = False,
+) -> Any:
     """Register a measure of amplitude: a decorator of a function, or a call.
 
     The forms are ``@register_measure`` for the default options, ``@register_measure(dimension=0)`` with options, and

@@ -274,5 +274,6 @@ class Reaction:  # numpydoc ignore=PR02
                 raise ValueError(f"Reaction: {name} must be a finite matrix (directions, coordinates)")
             object.__setattr__(self, name, rows)
         if self.stiffness.shape != self.damping.shape:
-            raise ValueError(f"Reaction: stiffness {self.stiffness.shape} and damping {self.damping.shape} must have "
-                             "the same shape")  # fmt: skip
+            raise ValueError(
+                f"Reaction: stiffness {self.stiffness.shape} and damping {self.damping.shape} must have the same shape"
+            )

@@ -77,8 +77,10 @@ def modal_damping(M: Any, K: Any, ratios: float | Sequence[float]) -> Array:
             "modal_damping: M is not positive definite; remove coordinates without mass, or give C"
         ) from None
     if squares[0] < -ASYMMETRY * np.abs(squares).max():
-        raise ValueError(f"modal_damping: K has a negative eigenvalue, omega^2 = {squares[0]:.4g}: the structure is "
-                         "not stable without its elements; give C")  # fmt: skip
+        raise ValueError(
+            f"modal_damping: K has a negative eigenvalue, omega^2 = {squares[0]:.4g}: the structure is "
+            "not stable without its elements; give C"
+        )
     frequencies = np.sqrt(modal_squares(K, modes, np.abs(K)))
     zeta = np.concatenate([values, np.full(max(len(squares) - values.size, 0), values[-1])])[: len(squares)]
     M_modes = M @ modes
@@ -98,8 +100,10 @@ def modal_squares(K: Array, modes: Array, terms: Array) -> Array:
 def _symmetric(name: str, A: Any) -> Array:
     """Return a matrix as a symmetric array."""
     if A.shape[0] > MAX_MODAL_COORDINATES:
-        raise ValueError(f"modal_damping: {A.shape[0]} coordinates, at most {MAX_MODAL_COORDINATES}; reduce the "
-                         "structure first (hb.mechanics.reduce), or give C")  # fmt: skip
+        raise ValueError(
+            f"modal_damping: {A.shape[0]} coordinates, at most {MAX_MODAL_COORDINATES}; reduce the "
+            "structure first (hb.mechanics.reduce), or give C"
+        )
     matrix = A if isinstance(A, np.ndarray) else A.toarray()
     if np.abs(matrix - matrix.T).max() > ASYMMETRY * np.abs(matrix).max():
         raise ValueError(f"modal_damping: {name} is not symmetric, so it has no real modes; give C")

@@ -192,8 +192,11 @@ class SpeedTerms:  # numpydoc ignore=PR02
             If a matrix has another shape.
         """
         sizes = {"gyroscopic": self.gyroscopic}
-        sizes |= {name: getattr(self, name).matrices[0] for name in ("damping", "stiffness")
-                  if isinstance(getattr(self, name), MatrixTable)}  # fmt: skip
+        sizes |= {
+            name: getattr(self, name).matrices[0]
+            for name in ("damping", "stiffness")
+            if isinstance(getattr(self, name), MatrixTable)
+        }
         for name, A in sizes.items():
             if A is not None and A.shape != (n, n):
                 raise ValueError(f"{name} has shape {A.shape}; need {(n, n)}, the shape of M")

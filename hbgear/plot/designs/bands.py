@@ -123,5 +123,12 @@ def _curve(ax: Axes, found: ResponseBand) -> None:
         style, width = LINES[stable]
         rows = slice(first, last + 1)
         name = "_curve" if regime == "unknown" else in_words(regime)
-        ax.plot(found.frequency[rows], found.amplitude[rows], linestyle=style, linewidth=width, color=COLOURS[regime],
-                label=name, gid=f"branch {regime} {stable}")  # fmt: skip
+        ax.plot(
+            found.frequency[rows],
+            found.amplitude[rows],
+            linestyle=style,
+            linewidth=width,
+            color=COLOURS[regime],
+            label=name,
+            gid=f"branch {regime} {stable}",
+        )

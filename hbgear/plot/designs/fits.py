@@ -125,8 +125,9 @@ def fitted(found: Fit, *, dimensionless: bool = False) -> Figure:
     with styled():
         figure = new_figure(5.4, 4.8)
         axes: Any = figure.subplots(2, 1, sharex=True, height_ratios=(2.4, 1))
-        response(found.curve, data.measure, data.element, axes[0], legend=False, speeds=False,
-                 dimensionless=dimensionless)  # fmt: skip
+        response(
+            found.curve, data.measure, data.element, axes[0], legend=False, speeds=False, dimensionless=dimensionless
+        )
         measured(data, found.model, axes[0], legend=False, dimensionless=dimensionless)
         missed = ~found.reached
         if missed.any():

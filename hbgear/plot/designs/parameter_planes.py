@@ -99,14 +99,25 @@ def special_curves(
 
 
 def _mark(
-    ax: Axes, points: Sequence[SpecialPoint], plane: tuple[str, str], scale: float,
-    with_values: bool = False, unit: str = "",
-) -> None:  # fmt: skip
+    ax: Axes,
+    points: Sequence[SpecialPoint],
+    plane: tuple[str, str],
+    scale: float,
+    with_values: bool = False,
+    unit: str = "",
+) -> None:
     """Mark special points in the plane of two parameters, with their values on request."""
     for point in map(named, points):
         position = point.parameters[plane[0]], scale * point.parameters[plane[1]]
-        (symbol,) = ax.plot(*position, point.marker, markersize=8, color="black", markerfacecolor="white",
-                            label=legend_entry(point), gid=point.label)  # fmt: skip
+        (symbol,) = ax.plot(
+            *position,
+            point.marker,
+            markersize=8,
+            color="black",
+            markerfacecolor="white",
+            label=legend_entry(point),
+            gid=point.label,
+        )
         if with_values:
             text = f"{short(position[0], 5)}, {short(position[1], 4)}{unit}"
             labels_of(ax).add(symbol, 0, text, text, True, (0, 1))
@@ -179,5 +190,12 @@ def _shade(ax: Axes, jumps: JumpMap, scale: float) -> None:
     ends = [x for arm in jumps.arms for x in (arm.values[0], arm.values[-1])]
     values = np.unique(np.concatenate([np.linspace(*jumps.span, 600), ends]))
     for low, high in jumps.bands(values):
-        ax.fill_between(values, scale * low, scale * high, color=COLOURS["single_sided"], alpha=0.18, linewidth=0,
-                        label="several motions")  # fmt: skip
+        ax.fill_between(
+            values,
+            scale * low,
+            scale * high,
+            color=COLOURS["single_sided"],
+            alpha=0.18,
+            linewidth=0,
+            label="several motions",
+        )

@@ -119,9 +119,17 @@ def envelope(
         unstable = np.isnan(rising).all(axis=0) & np.isnan(falling).all(axis=0)
         if unstable.any():  # the curve is unstable there in every case, as where its period has doubled
             ax.fill_between(
-                x, 0, 1, where=unstable.tolist(), transform=ax.get_xaxis_transform(), facecolor="none", edgecolor="0.6",
-                hatch="////", linewidth=0, label="no stable motion",
-            )  # fmt: skip
+                x,
+                0,
+                1,
+                where=unstable.tolist(),
+                transform=ax.get_xaxis_transform(),
+                facecolor="none",
+                edgecolor="0.6",
+                hatch="////",
+                linewidth=0,
+                label="no stable motion",
+            )
         ax.set_xlim(x[0], x[-1])
         ax.set_ylim(bottom=0.0, top=_top(found, dimensionless))
         ax.set_xlabel(abscissa.label)
@@ -185,8 +193,14 @@ def _bands(ax: Axes, Omega: Array, groups: list[Array], colour: str, line: str, 
         ax.fill_between(Omega, lowest, largest, color=colour, alpha=0.13, linewidth=0, label=labels[0])
         ax.fill_between(Omega, low, high, color=colour, alpha=0.3, linewidth=0, label=labels[1])
         median = np.where(counts.argmax(axis=0) == i, middle, np.nan)
-        ax.plot(*_broken(Omega, median, group), line, color=colour if names[0] == "_" else "black", linewidth=1.1,
-                label=labels[2], gid="median")  # fmt: skip
+        ax.plot(
+            *_broken(Omega, median, group),
+            line,
+            color=colour if names[0] == "_" else "black",
+            linewidth=1.1,
+            label=labels[2],
+            gid="median",
+        )
 
 
 def _broken(Omega: Array, line: Array, group: Array) -> tuple[Array, Array]:
@@ -445,8 +459,18 @@ def _dots(ax: Axes, found: Cases, name: str, column: str, scale: Array) -> None:
     marker, _, colour, label = JUMPS.get(column, ("o", "", COLOURS["no_impact"], "_"))
     x, y = found.table[name], scale * found.table[column]
     finite = np.isfinite(y)
-    ax.plot(x[finite], y[finite], marker, color=colour, markersize=3.0 if len(x) < 300 else 1.8, alpha=0.75,
-            markeredgewidth=0, label=label, rasterized=len(x) > _MAX_VECTOR_CASES, gid=column)  # fmt: skip
+    ax.plot(
+        x[finite],
+        y[finite],
+        marker,
+        color=colour,
+        markersize=3.0 if len(x) < 300 else 1.8,
+        alpha=0.75,
+        markeredgewidth=0,
+        label=label,
+        rasterized=len(x) > _MAX_VECTOR_CASES,
+        gid=column,
+    )
 
 
 def _wrapped(label: str, width: int = 24) -> str:

@@ -121,8 +121,15 @@ def planetary(machine: PlanetarySet, ax: Axes | None = None) -> Axes:
         ax.plot(0, 0, "+", color="black", markersize=5)
         for n, psi in enumerate(machine.angles):
             centre = distance * np.array([np.cos(psi), np.sin(psi)])
-            ax.plot(*np.array([[0, 0], centre]).T, "-", color=GREY, linewidth=2.2, zorder=1, gid=f"carrier {n + 1}",
-                    label=f"carrier, {_role(machine, 'carrier')}")  # fmt: skip
+            ax.plot(
+                *np.array([[0, 0], centre]).T,
+                "-",
+                color=GREY,
+                linewidth=2.2,
+                zorder=1,
+                gid=f"carrier {n + 1}",
+                label=f"carrier, {_role(machine, 'carrier')}",
+            )
             ax.add_patch(Circle(tuple(centre), planet, fill=False, edgecolor=BRANCHES[1], linewidth=1.2, zorder=2))
             text = f"p{n + 1}\n{cycles[0, n]:.3g} | {cycles[1, n]:.3g}"
             ax.annotate(text, tuple(centre), ha="center", va="center", fontsize=8, zorder=5, bbox=_BEHIND)
@@ -155,8 +162,15 @@ def _role(machine: PlanetarySet, name: str) -> str:
 
 def _circle(ax: Axes, centre: np.ndarray, r: float, label: str, heavy: bool) -> None:
     theta = np.linspace(0, 2 * np.pi, 200)
-    ax.plot(centre[0] + r * np.cos(theta), centre[1] + r * np.sin(theta), "-", label=label, zorder=2,
-            color=COLOURS["no_impact"] if heavy else BRANCHES[2], linewidth=2.2 if heavy else 1.2)  # fmt: skip
+    ax.plot(
+        centre[0] + r * np.cos(theta),
+        centre[1] + r * np.sin(theta),
+        "-",
+        label=label,
+        zorder=2,
+        color=COLOURS["no_impact"] if heavy else BRANCHES[2],
+        linewidth=2.2 if heavy else 1.2,
+    )
 
 
 @checked_arguments()
@@ -193,10 +207,24 @@ def load_sharing(found: LoadSharing, ax: Axes | None = None) -> Axes:
             for i, ((_, stable), first, last) in enumerate(sections(curve, 0)):
                 points = slice(first, last + 1)
                 style, width = LINES[stable]
-                ax.plot(curve.values[points], found.factor[points, j], linestyle=style, linewidth=width, color=colour,
-                        label="_" if i else f"{name}: largest", gid=f"mesh {name}")  # fmt: skip
-            ax.plot(curve.values, n * found.share[:, j], color=colour, linewidth=0.7, alpha=0.7,
-                    label=f"{name}: mean" if n <= 4 else "_", gid=f"mean {name}")  # fmt: skip
+                ax.plot(
+                    curve.values[points],
+                    found.factor[points, j],
+                    linestyle=style,
+                    linewidth=width,
+                    color=colour,
+                    label="_" if i else f"{name}: largest",
+                    gid=f"mesh {name}",
+                )
+            ax.plot(
+                curve.values,
+                n * found.share[:, j],
+                color=colour,
+                linewidth=0.7,
+                alpha=0.7,
+                label=f"{name}: mean" if n <= 4 else "_",
+                gid=f"mean {name}",
+            )
         ax.set_xlabel(_label(curve))
         ax.set_ylabel("force over the mean of all meshes [-]")
         if "unstable" in curve.stability:
@@ -276,15 +304,29 @@ def _arrow(ax: Axes, centre: np.ndarray, r: float, speed: float, angle: float = 
             centre + r * np.array([np.cos(a), np.sin(a)])
             for a in (angle - 0.5 * extent * turn, angle + 0.5 * extent * turn)
         )
-        ax.add_patch(FancyArrowPatch(tuple(begin), tuple(end), connectionstyle=f"arc3,rad={0.3 * turn}", zorder=3,
-                                     arrowstyle="-|>", mutation_scale=9, color=COLOURS["no_impact"],
-                                     linewidth=1.0))  # fmt: skip
+        ax.add_patch(
+            FancyArrowPatch(
+                tuple(begin),
+                tuple(end),
+                connectionstyle=f"arc3,rad={0.3 * turn}",
+                zorder=3,
+                arrowstyle="-|>",
+                mutation_scale=9,
+                color=COLOURS["no_impact"],
+                linewidth=1.0,
+            )
+        )
 
 
 def _line_of_action(
-    ax: Axes, machine: Train, i: int, mesh: Any, angles: tuple[float, float], centres: dict[str, np.ndarray],
+    ax: Axes,
+    machine: Train,
+    i: int,
+    mesh: Any,
+    angles: tuple[float, float],
+    centres: dict[str, np.ndarray],
     size: dict[str, float],
-) -> None:  # fmt: skip
+) -> None:
     """Draw the line of action through the pitch point; its legend entry has the order and lag of the mesh."""
     motion = machine._kinematics
     outer, inner = inner_first(mesh, {wheel.name: wheel for wheel in machine.wheels})
@@ -299,5 +341,11 @@ def _line_of_action(
     ends = np.array([pitch - 0.55 * r * n, pitch + 0.55 * r * n])
     colour = BRANCHES[(i + 1) % len(BRANCHES)]
     cycles = motion.lags[i] / (2 * np.pi)
-    ax.plot(*ends.T, color=colour, linewidth=1.5, zorder=3, gid=f"mesh {mesh.name}",
-            label=f"{mesh.name}: order {motion.orders[i]}, lag {cycles:.3g} cycles")  # fmt: skip
+    ax.plot(
+        *ends.T,
+        color=colour,
+        linewidth=1.5,
+        zorder=3,
+        gid=f"mesh {mesh.name}",
+        label=f"{mesh.name}: order {motion.orders[i]}, lag {cycles:.3g} cycles",
+    )

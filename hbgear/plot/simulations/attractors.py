@@ -44,10 +44,17 @@ _MAX_VECTOR_DOTS = 1000
 
 @checked_arguments()
 def bifurcation_diagram(
-    found: BifurcationDiagram, measure: str = "", element: int | str = 0, ax: Axes | None = None, *,
-    curves: Sequence[Branch] = (), rate: bool = False, legend: bool = True, model: Model | None = None,
+    found: BifurcationDiagram,
+    measure: str = "",
+    element: int | str = 0,
+    ax: Axes | None = None,
+    *,
+    curves: Sequence[Branch] = (),
+    rate: bool = False,
+    legend: bool = True,
+    model: Model | None = None,
     dimensionless: bool = False,
-) -> Axes:  # fmt: skip
+) -> Axes:
     """Draw a bifurcation diagram: stroboscopic points, or an amplitude, coloured by the kind of the motion.
 
     Points of both sweep directions have the same colours. With ``curves`` the periodic motions are drawn below, stable
@@ -110,22 +117,46 @@ def bifurcation_diagram(
         ax = axes_or_new(ax, (5.6, 3.7))
         for curve in curves:
             if measure:
-                response(curve, measure, element, ax, color=GREY, label="periodic motions", jumps=False, legend=False,
-                         speeds=False, dimensionless=dimensionless)  # fmt: skip
+                response(
+                    curve,
+                    measure,
+                    element,
+                    ax,
+                    color=GREY,
+                    label="periodic motions",
+                    jumps=False,
+                    legend=False,
+                    speeds=False,
+                    dimensionless=dimensionless,
+                )
             else:
                 _section_lines(ax, curve, element, rate, abscissa.scale, factor)
         for verdict, colour in VERDICTS.items():
-            x, y = (np.concatenate(columns) for columns in zip(*(
-                _dots(sweep, kinds == verdict, measure, element, rate)
-                for sweep, kinds in zip(found.sweeps, found.verdicts, strict=True)
-            ), strict=True))  # fmt: skip
+            x, y = (
+                np.concatenate(columns)
+                for columns in zip(
+                    *(
+                        _dots(sweep, kinds == verdict, measure, element, rate)
+                        for sweep, kinds in zip(found.sweeps, found.verdicts, strict=True)
+                    ),
+                    strict=True,
+                )
+            )
             if not len(x):
                 continue
             size = _DOT if verdict is Verdict.PERIODIC or measure else _SMALL_DOT
             ax.plot(
-                abscissa.scale * x, factor * y, "o", color=colour, markersize=size, markeredgewidth=0, zorder=5,
-                label=verdict.value, gid=verdict.value, rasterized=len(x) > _MAX_VECTOR_DOTS,
-            )  # fmt: skip
+                abscissa.scale * x,
+                factor * y,
+                "o",
+                color=colour,
+                markersize=size,
+                markeredgewidth=0,
+                zorder=5,
+                label=verdict.value,
+                gid=verdict.value,
+                rasterized=len(x) > _MAX_VECTOR_DOTS,
+            )
         ax.set_xlabel(abscissa.label)
         motion = name if length is None else f"{name} [{MICROMETRE}]"
         section = f"{'rate of ' if rate else ''}{name} at " + r"$\tau = 0$" + motion.removeprefix(name)
@@ -163,7 +194,12 @@ def _section_lines(ax: Axes, curve: Branch, element: int | str, rate: bool, scal
     for (_, stable), i, j in sections(curve, element):
         for column in height.T:
             ax.plot(
-                scale * curve.values[i : j + 1], column[i : j + 1], "--" if stable is False else "-", color=GREY,
-                linewidth=0.9, zorder=1, gid="unstable" if stable is False else "stable",
+                scale * curve.values[i : j + 1],
+                column[i : j + 1],
+                "--" if stable is False else "-",
+                color=GREY,
+                linewidth=0.9,
+                zorder=1,
+                gid="unstable" if stable is False else "stable",
                 label=f"curve, {'unstable' if stable is False else 'stable'}",
-            )  # fmt: skip
+            )

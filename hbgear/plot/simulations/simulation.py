@@ -70,9 +70,16 @@ MAX_VECTOR_DOTS = 1000
 
 @checked_arguments()
 def sweeps(
-    found: Sequence[Sweep], branch: Branch | None = None, measure: str = "pp2", element: int | str = 0,
-    ax: Axes | None = None, *, legend: bool = True, model: Model | None = None, dimensionless: bool = False,
-) -> Axes:  # fmt: skip
+    found: Sequence[Sweep],
+    branch: Branch | None = None,
+    measure: str = "pp2",
+    element: int | str = 0,
+    ax: Axes | None = None,
+    *,
+    legend: bool = True,
+    model: Model | None = None,
+    dimensionless: bool = False,
+) -> Axes:
     """Draw sweeps as dots, over the curve of a branch if one is given.
 
     Triangles point in the direction of the sweep; they are filled where the motion has the period of the excitation and
@@ -127,8 +134,17 @@ def sweeps(
         ax = axes_or_new(ax, (7.0, 3.7))
         curves = () if branch is None else branch.curves
         for curve in curves:
-            response(curve, measure, element, ax, special=len(curves) == 1, jumps=False, legend=False, speeds=False,
-                     dimensionless=dimensionless)  # fmt: skip
+            response(
+                curve,
+                measure,
+                element,
+                ax,
+                special=len(curves) == 1,
+                jumps=False,
+                legend=False,
+                speeds=False,
+                dimensionless=dimensionless,
+            )
         bands: dict[str, Any] = {}
         for s in found:
             _dots(ax, s, abscissa.scale * s.values, factor * s.amplitude(measure, element))
@@ -176,15 +192,30 @@ def _dots(ax: Axes, s: Sweep, x: Any, height: Any) -> None:
     )
     for selected, style, label in kinds:
         if selected.any():
-            ax.plot(x[selected], height[selected], linestyle="none", markersize=3.6, markeredgecolor=colour,
-                    markeredgewidth=0.7, label=label, zorder=5, gid=label, **style)  # fmt: skip
+            ax.plot(
+                x[selected],
+                height[selected],
+                linestyle="none",
+                markersize=3.6,
+                markeredgecolor=colour,
+                markeredgewidth=0.7,
+                label=label,
+                zorder=5,
+                gid=label,
+                **style,
+            )
 
 
 @checked_arguments()
 def bifurcation(
-    found: Sequence[Sweep], element: int | str = 0, rate: bool = False, ax: Axes | None = None, *,
-    model: Model | None = None, dimensionless: bool = False,
-) -> Axes:  # fmt: skip
+    found: Sequence[Sweep],
+    element: int | str = 0,
+    rate: bool = False,
+    ax: Axes | None = None,
+    *,
+    model: Model | None = None,
+    dimensionless: bool = False,
+) -> Axes:
     """Draw Poincare points at tau = 0 against the parameter: displacement of an element, or its rate.
 
     Points of aperiodic motions are smaller; large sets of them are drawn as pixels in a .pdf or .svg.
@@ -238,8 +269,17 @@ def bifurcation(
                 rows = np.flatnonzero(selected)
                 x = np.concatenate([np.full(len(s.points[i]), abscissa.scale * s.values[i]) for i in rows])
                 y = factor * np.concatenate([s.points[i][:, j, int(rate)] for i in rows])
-                ax.plot(x, y, "o", color=colour, markersize=size, markeredgewidth=0, label=label, gid=label,
-                        rasterized=len(x) > MAX_VECTOR_DOTS)  # fmt: skip
+                ax.plot(
+                    x,
+                    y,
+                    "o",
+                    color=colour,
+                    markersize=size,
+                    markeredgewidth=0,
+                    label=label,
+                    gid=label,
+                    rasterized=len(x) > MAX_VECTOR_DOTS,
+                )
         s = found[0]
         ax.set_xlabel(abscissa.label)
         label = _name(s, element)
@@ -290,8 +330,16 @@ def basins(found: Basins, ax: Axes | None = None, *, model: Model | None = None,
         extent = (d[0] - half_d, d[-1] + half_d, v[0] - half_v, v[-1] + half_v)
         shades = ListedColormap([BASINS[i % len(BASINS)] for i in range(count)])
         labels = np.ma.masked_less(found.label, 0)  # initial states that were not integrated to the end are masked
-        ax.imshow(labels, origin="lower", extent=extent, aspect="auto", cmap=shades, vmin=-0.5, vmax=count - 0.5,
-                  interpolation="nearest")  # fmt: skip
+        ax.imshow(
+            labels,
+            origin="lower",
+            extent=extent,
+            aspect="auto",
+            cmap=shades,
+            vmin=-0.5,
+            vmax=count - 0.5,
+            interpolation="nearest",
+        )
         for i, a in enumerate(found.attractors):
             aperiodic = "not periodic" if np.isfinite(a.rms) else "unbounded"
             size = f"{a.rms:.4g}" if physical is None else f"{units[0] * a.rms:.4g} {in_figure_unit('um')}"
@@ -299,8 +347,16 @@ def basins(found: Basins, ax: Axes | None = None, *, model: Model | None = None,
             cloud = not a.period and len(a.points) > 0
             symbol = "o" if cloud else SYMBOLS[i % len(SYMBOLS)]
             style: dict[str, Any] = {"markersize": 1.5} if cloud else {"markersize": 6, "markeredgewidth": 0.6}
-            ax.plot(*(units * a.points).T, symbol, color=INKS[i % len(INKS)], markeredgecolor="white", zorder=5,
-                    label=f"{name}: {a.share:.0%} of initial states", gid=f"attractor {i}", **style)  # fmt: skip
+            ax.plot(
+                *(units * a.points).T,
+                symbol,
+                color=INKS[i % len(INKS)],
+                markeredgecolor="white",
+                zorder=5,
+                label=f"{name}: {a.share:.0%} of initial states",
+                gid=f"attractor {i}",
+                **style,
+            )
         ax.set_xlim(extent[0], extent[1])
         ax.set_ylim(extent[2], extent[3])
         quantity = found.labels.get("amplitude", "element coordinate")
@@ -365,8 +421,19 @@ def validation(report: Report, branch: Branch, element: int | str = 0, *, dimens
         ):
             selected = np.array([(row.ok, row.refined) == kind for row in report.rows], dtype=bool)
             if selected.any():
-                top.plot(x[selected], rms[selected], marker, linestyle="none", markersize=4.5, color=colour,
-                         markeredgecolor="white", markeredgewidth=0.5, label=name, zorder=6, gid=name)  # fmt: skip
+                top.plot(
+                    x[selected],
+                    rms[selected],
+                    marker,
+                    linestyle="none",
+                    markersize=4.5,
+                    color=colour,
+                    markeredgecolor="white",
+                    markeredgewidth=0.5,
+                    label=name,
+                    zorder=6,
+                    gid=name,
+                )
         labels = labels_of(top)
         for number, (value, height) in enumerate(zip(x, rms, strict=True), 1):
             (line,) = top.plot(value, height, linestyle="none", label="_number", gid=f"point {number}")
@@ -392,23 +459,52 @@ def _differences(ax: Axes, report: Report) -> None:
     number = np.arange(1, len(report.rows) + 1)
     for i, (name, marker, colour, label) in enumerate(kinds):
         y = np.array([max(getattr(row, name), 1e-16) for row in report.rows])
-        ax.plot(number + 0.13 * (i - 2), y, marker, color=colour, markersize=4, markerfacecolor="none", label=label,
-                gid=name)  # fmt: skip
+        ax.plot(
+            number + 0.13 * (i - 2),
+            y,
+            marker,
+            color=colour,
+            markersize=4,
+            markerfacecolor="none",
+            label=label,
+            gid=name,
+        )
     refined = np.array([row.refined for row in report.rows], dtype=bool)
     if refined.any():
         y = np.array([row.refined_error for row in report.rows])
-        ax.plot(number[refined], y[refined], "*", color="#b36b00", markersize=7, markerfacecolor="none",
-                label="rms, with more harmonics", gid="refined_error")  # fmt: skip
+        ax.plot(
+            number[refined],
+            y[refined],
+            "*",
+            color="#b36b00",
+            markersize=7,
+            markerfacecolor="none",
+            label="rms, with more harmonics",
+            gid="refined_error",
+        )
     for level, name in ((report.tolerance, "tolerance"), (report.multiplier_tolerance, "tolerance,\nmultipliers")):
         ax.axhline(level, color=GREY, linewidth=0.7, zorder=0, gid=name)
-        ax.annotate(name, (1, level), (3, 0), xycoords=("axes fraction", "data"), textcoords="offset points",
-                    fontsize=8, va="center", color="#555555")  # fmt: skip
+        ax.annotate(
+            name,
+            (1, level),
+            (3, 0),
+            xycoords=("axes fraction", "data"),
+            textcoords="offset points",
+            fontsize=8,
+            va="center",
+            color="#555555",
+        )
     ax.set_yscale("log")
     ax.set_xlim(0.4, len(number) + 0.6)
     several = any(row.curve > 1 for row in report.rows)
     texts = [f"{row.reason} ({row.curve})" if several else row.reason for row in report.rows]
-    ax.set_xticks(number, [f"{n}  {text}" for n, text in zip(number, texts, strict=True)], rotation=60,
-                  ha="right", rotation_mode="anchor")  # fmt: skip
+    ax.set_xticks(
+        number,
+        [f"{n}  {text}" for n, text in zip(number, texts, strict=True)],
+        rotation=60,
+        ha="right",
+        rotation_mode="anchor",
+    )
     for row, tick in zip(report.rows, ax.get_xticklabels(), strict=True):
         tick.set_color("black" if row.ok else "#c01818")
     ax.set_xlabel("validated point, in the order of the curve")

@@ -379,10 +379,13 @@ class _Search:
         motions = [
             SteadyMotion(
                 replace(problem_point(self._problem(m.period), m.X, self.Omega), multipliers=m.multipliers),
-                m.period, m.stable, m.sampled / starts, m.sampled + m.guessed,
+                m.period,
+                m.stable,
+                m.sampled / starts,
+                m.sampled + m.guessed,
             )
             for m in self.motions
-        ]  # fmt: skip
+        ]
         motions.sort(key=lambda motion: (not motion.stable, -motion.share, -motion.hits))
         return SteadyStates(
             self.Omega, tuple(motions), self.aperiodic / starts, indices, unseen([motion.hits for motion in motions])

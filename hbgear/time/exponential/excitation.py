@@ -54,8 +54,10 @@ class Excitation:
         """Return the tables of systems with the same numbers of springs and elements."""
         functions_of = [_functions(system) for system in systems]
         phases = tuple(_phases(system) for system in systems)
-        pieces = [[f.pieces() if isinstance(f, Periodic) else None for f in functions] + list(map(pieces_of, levels))
-                  for functions, levels in functions_of]  # fmt: skip
+        pieces = [
+            [f.pieces() if isinstance(f, Periodic) else None for f in functions] + list(map(pieces_of, levels))
+            for functions, levels in functions_of
+        ]
         P = max((len(piece.at) for system_pieces in pieces for piece in system_pieces if piece), default=1)
         Q, contacts = len(pieces[0]), len(functions_of[0][1])
         starts, rows = np.full((len(functions_of), Q, P), np.inf), np.zeros((len(functions_of), Q, P, 4))

@@ -142,9 +142,13 @@ class ExponentialIntegrator:
     """
 
     def __init__(
-        self, models: Model | Sequence[Model], Omega: float | Array, steps: int | None = None, points: int = 5,
+        self,
+        models: Model | Sequence[Model],
+        Omega: float | Array,
+        steps: int | None = None,
+        points: int = 5,
         adaptive: bool | None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         models = (models,) if isinstance(models, Model) else tuple(models)
         self._speed_dependent, models = _at_speeds(models, Omega)
         unique = list(dict.fromkeys(map(id, models)))

@@ -48,8 +48,9 @@ def with_sufficient_steps(integrator: Any, motions: StateBatch) -> Any:
     warnings.warn(
         f"{current.N} steps per period do not resolve a law (twice as many change the motion by more than "
         f"{MAX_STEP_CHANGE:g}): use hb.time.integrate with method='DOP853' or 'Radau'",
-        RuntimeWarning, stacklevel=4,
-    )  # fmt: skip
+        RuntimeWarning,
+        stacklevel=4,
+    )
     return current
 
 

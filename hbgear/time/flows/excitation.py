@@ -75,8 +75,10 @@ class Excitation:
     def _harmonics(self, system: System, rates: Callable[[Array], Array]) -> ComplexArray:
         """Return `series`."""
         m, loads = self.m, load_harmonics(system, self.Omega)
-        rows, stiffness = ([f.row() if isinstance(f, Series) else np.zeros(1) for f in functions]
-                           for functions in (self.displacements, self._stiffness))  # fmt: skip
+        rows, stiffness = (
+            [f.row() if isinstance(f, Series) else np.zeros(1) for f in functions]
+            for functions in (self.displacements, self._stiffness)
+        )
         accelerations = rates(loads.real) + 1j * rates(loads.imag)
         L = max([len(r) // 2 for r in (*rows, *stiffness)] + [loads.shape[1] - 1])
         c = np.zeros((3 * m + len(accelerations), L + 1), dtype=complex)

@@ -244,8 +244,19 @@ class Report:
             Headers, and rows of texts.
         """
         name, scale, size, length = self._units(dimensionless)
-        headers = ["point", name, f"rms{size}", "rms diff.", "pp2 diff.", "harmonics", "closure", "|mu|", "mu diff.",
-                   "growth", "status"]  # fmt: skip
+        headers = [
+            "point",
+            name,
+            f"rms{size}",
+            "rms diff.",
+            "pp2 diff.",
+            "harmonics",
+            "closure",
+            "|mu|",
+            "mu diff.",
+            "growth",
+            "status",
+        ]
         return headers, [_texts(row, scale, length) for row in self.rows]
 
     def jump_table(self, dimensionless: bool = False) -> tuple[list[str], list[list[str]]]:
@@ -262,13 +273,31 @@ class Report:
             Headers, and rows of texts.
         """
         name, scale, size, length = self._units(dimensionless)
-        headers = ["jump", name, "sweep", f"rms{size} before", "rms after", "integrated", "period", "after periods",
-                   "status"]  # fmt: skip
+        headers = [
+            "jump",
+            name,
+            "sweep",
+            f"rms{size} before",
+            "rms after",
+            "integrated",
+            "period",
+            "after periods",
+            "status",
+        ]
         return headers, [
-            [_on_curve(j, j.label), f"{scale * j.value:.6g}", "increasing" if j.direction > 0 else "decreasing",
-             f"{length * j.before:.5g}", f"{length * j.after:.5g}" if np.isfinite(j.after) else "-",
-             f"{length * j.rms:.5g}", str(j.period or "-"), str(j.integrated_periods), j.status] for j in self.jumps
-        ]  # fmt: skip
+            [
+                _on_curve(j, j.label),
+                f"{scale * j.value:.6g}",
+                "increasing" if j.direction > 0 else "decreasing",
+                f"{length * j.before:.5g}",
+                f"{length * j.after:.5g}" if np.isfinite(j.after) else "-",
+                f"{length * j.rms:.5g}",
+                str(j.period or "-"),
+                str(j.integrated_periods),
+                j.status,
+            ]
+            for j in self.jumps
+        ]
 
     def _units(self, dimensionless: bool) -> Units:
         return Units(self.parameter) if dimensionless or self.units is None else self.units
@@ -307,6 +336,13 @@ def _texts(row: Check, scale: float, length: float) -> list[str]:
     sizes = [text(x, ".5f" if x < 1e4 else ".4g") for x in (abs(row.mu), row.growth)]
     numbers = [text(x) for x in (row.rms_error, row.pp2_error, row.harmonic_error, row.closure)]
     name = _on_curve(row, f"{row.index} {row.reason}")
-    return [name, f"{scale * row.value:.6g}", f"{length * row.rms:.6g}", *numbers, sizes[0],
-            text(row.multiplier_error), sizes[1],
-            f"{row.status} to {row.refined_error:.1e}" if row.refined else row.status]  # fmt: skip
+    return [
+        name,
+        f"{scale * row.value:.6g}",
+        f"{length * row.rms:.6g}",
+        *numbers,
+        sizes[0],
+        text(row.multiplier_error),
+        sizes[1],
+        f"{row.status} to {row.refined_error:.1e}" if row.refined else row.status,
+    ]

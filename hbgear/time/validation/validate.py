@@ -195,10 +195,19 @@ def _check_jump(curves: tuple[Branch, ...], number: int, jump: Jump) -> JumpChec
     index = int(np.argmax(np.abs(result.rms - before)))
     after = float("nan") if landing is None else landing.amplitude("rms", index)
     return JumpCheck(
-        jump.label, jump.value, jump.direction, elements[index], float(before[index]), after, float(result.rms[index]),
-        result.period, result.integrated_periods, decided_jump,
-        AGREES if _continues(branch, jump, result) else _landing_status(curves, number, landing, ends), number + 1,
-    )  # fmt: skip
+        jump.label,
+        jump.value,
+        jump.direction,
+        elements[index],
+        float(before[index]),
+        after,
+        float(result.rms[index]),
+        result.period,
+        result.integrated_periods,
+        decided_jump,
+        AGREES if _continues(branch, jump, result) else _landing_status(curves, number, landing, ends),
+        number + 1,
+    )
 
 
 def _continues(branch: Branch, jump: Jump, outcome: JumpOutcome) -> bool:

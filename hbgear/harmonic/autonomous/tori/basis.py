@@ -54,9 +54,15 @@ class TorusBasis:
     """
 
     def __init__(
-        self, H1: int, H2: int, odd: bool = False, dense: int = 1, band: float | None = None, ratio: float = 1.0,
+        self,
+        H1: int,
+        H2: int,
+        odd: bool = False,
+        dense: int = 1,
+        band: float | None = None,
+        ratio: float = 1.0,
         half: tuple[int, int] | None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         self.H1, self.H2, self.odd, self.dense, self.band, self.ratio, self.half = H1, H2, odd, dense, band, ratio, half
         k2, k1 = (grid.ravel() for grid in np.meshgrid(np.arange(H2 + 1), np.arange(-H1, H1 + 1), indexing="ij"))
         keep = ((k2 > 0) | (k1 >= 0)) & (self._distance(k1, k2) <= 1 + _INDEX_ROUNDING)
@@ -77,8 +83,9 @@ class TorusBasis:
         """Return the distance of indices from the origin, 1 on the boundary of the diamond or the band."""
         if self.band is None:
             return np.asarray(np.abs(k1) / self.H1 + k2 / self.H2)
-        return np.asarray(np.maximum(np.maximum(np.abs(k1) / self.H1, k2 / self.H2),
-                                     np.abs(k1 + k2 * self.ratio) / self.band))  # fmt: skip
+        return np.asarray(
+            np.maximum(np.maximum(np.abs(k1) / self.H1, k2 / self.H2), np.abs(k1 + k2 * self.ratio) / self.band)
+        )
 
     @property
     def outermost(self) -> np.ndarray:

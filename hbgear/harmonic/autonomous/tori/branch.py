@@ -36,9 +36,15 @@ _MAX_EVEN_PART = 1e-8
 
 @checked_arguments()
 def torus(
-    branch: Branch, label: str = "NS1", span: tuple[float, float] | None = None, *,
-    harmonics: tuple[int, int] | None = None, modulation: float = 0.05, dense: int = 1, **options: Any,
-) -> Branch:  # fmt: skip
+    branch: Branch,
+    label: str = "NS1",
+    span: tuple[float, float] | None = None,
+    *,
+    harmonics: tuple[int, int] | None = None,
+    modulation: float = 0.05,
+    dense: int = 1,
+    **options: Any,
+) -> Branch:
     """Trace the quasi-periodic motions that leave a curve at a Neimark-Sacker point.
 
         d(t) = Re sum_k c_k e^{i (k_1 Omega / nu + k_2 Omega_2) t},   |k_1| / H_1 + |k_2| / H_2 <= 1

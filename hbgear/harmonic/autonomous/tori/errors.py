@@ -35,9 +35,13 @@ _END_MODULATION = 3e-3
 
 
 def check_errors(
-    problem: Any, X: Array, name: str, values: Array, observed: Sequence[dict[str, Any]],
+    problem: Any,
+    X: Array,
+    name: str,
+    values: Array,
+    observed: Sequence[dict[str, Any]],
     parameters: Mapping[str, float],
-) -> None:  # fmt: skip
+) -> None:
     """Replace ``"error"``, the size of the outermost coefficients, by the Newton step with twice the harmonics.
 
     Some of successive tori X (P, n + 1) at values (P,) of a parameter are checked. Between them the ratio of both is

@@ -149,6 +149,9 @@ def _mean(basis: TorusBasis, c: ComplexArray) -> float:
 
 
 _MEASURES: dict[str, Callable[[TorusBasis, ComplexArray], float]] = {
-    "rms": _rms, "pp2": _pp2, "max": _max, "mean": _mean,
-}  # fmt: skip
+    "rms": _rms,
+    "pp2": _pp2,
+    "max": _max,
+    "mean": _mean,
+}
 """Measures of amplitude by name."""

@@ -133,9 +133,8 @@ class TorusProblem(ContinuationProblem):
     def layout(self) -> TorusLayout:
         """Names and measures of the unknowns."""
         names = tuple(element.name for element in self.balance.compiled({}).system.elements)
-        basis, labels = self.basis, dict(self.balance.model.labels)
-        return TorusLayout((basis.H1, basis.H2), names, self.balance.nu, labels, basis.odd, basis.dense,
-                           basis.band, basis.ratio, basis.half)  # fmt: skip
+        b, labels = self.basis, dict(self.balance.model.labels)
+        return TorusLayout((b.H1, b.H2), names, self.balance.nu, labels, b.odd, b.dense, b.band, b.ratio, b.half)
 
     def check_parameter(self, name: str) -> None:
         """Raise KeyError for a name other than Omega and the parameters of the model."""

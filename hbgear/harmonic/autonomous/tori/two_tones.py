@@ -117,10 +117,16 @@ class TwoToneProblem(TorusProblem):
 
     @checked_arguments()
     def __init__(
-        self, model: Model, ratio: float, load: Load | None = None, elements: Sequence[str] = (),
-        harmonics: tuple[int, int] = (9, 9), dense: int = 1, band: float | None = None,
+        self,
+        model: Model,
+        ratio: float,
+        load: Load | None = None,
+        elements: Sequence[str] = (),
+        harmonics: tuple[int, int] = (9, 9),
+        dense: int = 1,
+        band: float | None = None,
         half: tuple[int, int] | None = None,
-    ) -> None:  # fmt: skip
+    ) -> None:
         checked("TwoToneProblem", "ratio", ratio, POSITIVE)
         for i in (0, 1):
             counted(f"harmonics[{i}]", harmonics[i], 200)
@@ -251,8 +257,10 @@ class TwoToneProblem(TorusProblem):
         return evaluation
 
     def _phases(self, evaluator: Evaluator, theta: Array) -> list[Array]:
-        return [self.balance.nu * theta[:, 1] if is_second else tau
-                for is_second, tau in zip(self._second, super()._phases(evaluator, theta), strict=True)]  # fmt: skip
+        return [
+            self.balance.nu * theta[:, 1] if is_second else tau
+            for is_second, tau in zip(self._second, super()._phases(evaluator, theta), strict=True)
+        ]
 
     def _displacements(self, parameters: Mapping[str, float]) -> ComplexArray:
         """Return the harmonics (K, m) of the prescribed displacements of the second frequency."""
@@ -310,10 +318,19 @@ def require_no_common_base(ratio: float, harmonics: tuple[int, int]) -> None:
 
 @checked_arguments()
 def two_tones(
-    model: Model, ratio: float, span: tuple[float, float], *, load: Load | None = None, elements: Sequence[str] = (),
-    harmonics: tuple[int, int] = (9, 9), dense: int = 1, band: float | None = None,
-    half: tuple[int, int] | None = None, parameter: str = "Omega", **options: Any,
-) -> Branch:  # fmt: skip
+    model: Model,
+    ratio: float,
+    span: tuple[float, float],
+    *,
+    load: Load | None = None,
+    elements: Sequence[str] = (),
+    harmonics: tuple[int, int] = (9, 9),
+    dense: int = 1,
+    band: float | None = None,
+    half: tuple[int, int] | None = None,
+    parameter: str = "Omega",
+    **options: Any,
+) -> Branch:
     """Trace motions with two prescribed frequencies that have no common base, such as two meshes on different shafts.
 
         d(t) = Re sum_k c_k e^{i (k_1 + k_2 ratio) Omega t},   |k_1| / H_1 + |k_2| / H_2 <= 1

@@ -239,6 +239,8 @@ def without_contacts(family: Family, state: CurveState, visits: Sequence[Visit])
     """Return the state without contacts that vanish, as a guess, and the contacts as they graze."""
     iterate = state.iterate
     durations = iterate.visit_durations(visits, family(state.value).period)
-    grazing = [Grazing(float(iterate.tau[i] + 0.5 * duration), iterate.pattern.switches[i])
-               for (i, _), duration in zip(visits, durations, strict=True)]  # fmt: skip
+    grazing = [
+        Grazing(float(iterate.tau[i] + 0.5 * duration), iterate.pattern.switches[i])
+        for (i, _), duration in zip(visits, durations, strict=True)
+    ]
     return CurveState.of(iterate.without(visits), state.value), grazing

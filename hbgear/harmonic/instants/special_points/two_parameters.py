@@ -92,9 +92,15 @@ class SpecialPointFollower:
     """
 
     def __init__(
-        self, surface: Surface, kind: str, names: tuple[str, str], allowed: Range, span: tuple[float, float],
-        steps: StepControl, report: Callable[[float, int, float], None],
-    ) -> None:  # fmt: skip
+        self,
+        surface: Surface,
+        kind: str,
+        names: tuple[str, str],
+        allowed: Range,
+        span: tuple[float, float],
+        steps: StepControl,
+        report: Callable[[float, int, float], None],
+    ) -> None:
         self.surface, self.kind, self.span = surface, kind, span
         (self.first_name, self.name), self.allowed = names, allowed
         self.motions = SpecialMotions(surface, kind, abs(span[1] - span[0]))

@@ -141,9 +141,22 @@ def allocate_workspace(motions: int, s: int, m: int, q: int, contacts: int) -> W
     progress = z((G, 6), dtype=integer)
     progress[:, TARGET] = TO_EXIT
     return Work(
-        progress=progress, prepared=z(G, dtype=np.bool_), span=z((G, 2)), free=z((G, n)), y=z((G, n)), w=z((G, r)),
-        exits=z((G, rows)), side=z((G, rows), dtype=integer), levels=z((G, rows, 4)), forces=z((G, 3, s, m)),
-        J=z((r, r)), right=z(r),
-        turns=z((s + 1, q), dtype=pair), inner=z((s, s + 1, q), dtype=pair), powers=z((s + 2, (s + 1) * q), dtype=pair),
-        samples=z((4, max(2 * s + 5, SAMPLES_PER_STEP + 1))), zeta_end=z(2 * q), scratch=z((2, r)),
-    )  # fmt: skip
+        progress=progress,
+        prepared=z(G, dtype=np.bool_),
+        span=z((G, 2)),
+        free=z((G, n)),
+        y=z((G, n)),
+        w=z((G, r)),
+        exits=z((G, rows)),
+        side=z((G, rows), dtype=integer),
+        levels=z((G, rows, 4)),
+        forces=z((G, 3, s, m)),
+        J=z((r, r)),
+        right=z(r),
+        turns=z((s + 1, q), dtype=pair),
+        inner=z((s, s + 1, q), dtype=pair),
+        powers=z((s + 2, (s + 1) * q), dtype=pair),
+        samples=z((4, max(2 * s + 5, SAMPLES_PER_STEP + 1))),
+        zeta_end=z(2 * q),
+        scratch=z((2, r)),
+    )

@@ -12,9 +12,18 @@ from hbgear.time.exponential.segments import BREAKPOINT_TOLERANCE, SAMPLES_PER_S
 
 @kernel
 def may_leave(
-    nodes: Array, y: Array, d: Array, v: Array, owner: Integers, levels: Array, segment: Integers, low: Array,
-    high: Array, h: float, exits: Array,
-) -> bool:  # fmt: skip
+    nodes: Array,
+    y: Array,
+    d: Array,
+    v: Array,
+    owner: Integers,
+    levels: Array,
+    segment: Integers,
+    low: Array,
+    high: Array,
+    h: float,
+    exits: Array,
+) -> bool:
     """Return whether any element or contact may leave its segment; ``exits`` are 0 for these and inf for the others."""
     any_may_leave = False
     for j in range(len(segment)):
@@ -57,9 +66,23 @@ def _may_leave_segment(
 
 @kernel
 def first_exit(
-    dense: Array, values: Array, slopes: Array, nodes: Array, y: Array, d: Array, v: Array, owner: Integers,
-    levels: Array, segment: Integers, low: Array, high: Array, h: float, exits: Array, side: Integers, samples: Array,
-) -> int:  # fmt: skip
+    dense: Array,
+    values: Array,
+    slopes: Array,
+    nodes: Array,
+    y: Array,
+    d: Array,
+    v: Array,
+    owner: Integers,
+    levels: Array,
+    segment: Integers,
+    low: Array,
+    high: Array,
+    h: float,
+    exits: Array,
+    side: Integers,
+    samples: Array,
+) -> int:
     """Return the element or contact that first leaves its segment, or -1; ``exits`` and ``side`` are the exits of all.
 
     ``exits`` are in units of the step, inf without exit. Only rows with a finite value are tested, see `may_leave`.

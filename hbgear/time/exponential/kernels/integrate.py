@@ -122,8 +122,14 @@ def integrate_segments(
         progress, span, forces = work.progress[g], work.span[g], work.forces[g]
         free, y, w = work.free[g], work.y[g], work.w[g]
         exits, side, levels, z, x, rate, active = (
-            work.exits[g], work.side[g], work.levels[g], zeta[b], d[b], v[b], segment[b],
-        )  # fmt: skip
+            work.exits[g],
+            work.side[g],
+            work.levels[g],
+            zeta[b],
+            d[b],
+            v[b],
+            segment[b],
+        )
         if not any_in_python:
             progress[CELL] = begin
         while True:
@@ -154,9 +160,21 @@ def integrate_segments(
                         evaluate_series(pushes_of, span[1], flat_push)
                     else:
                         tabulate(
-                            poles, output, input, span[1] * h, nodes, lagrange, cut_turn, cut_observe, cut_feedback,
-                            cut_push, turns, inner, powers, scratch,
-                        )  # fmt: skip
+                            poles,
+                            output,
+                            input,
+                            span[1] * h,
+                            nodes,
+                            lagrange,
+                            cut_turn,
+                            cut_observe,
+                            cut_feedback,
+                            cut_push,
+                            turns,
+                            inner,
+                            powers,
+                            scratch,
+                        )
                     excite(steady, stiffness, nodes, cell + span[0], span[1], N, last_cell, cut_drive, cut_k)
                     if breakpoints is not None:
                         add_piecewise(breakpoints, r, h, nodes, cell + span[0], span[1], N, last_cell, cut_drive, cut_k)
@@ -169,15 +187,51 @@ def integrate_segments(
                 size = change = 0.0
             elif is_whole:
                 size = linearise(
-                    kr, cubic, element, contact, slope, offset, active, in_python, forces, k, cell, feedback, y, w, J,
-                    right, scratch, breakpoints, nodes, levels,
-                )  # fmt: skip
+                    kr,
+                    cubic,
+                    element,
+                    contact,
+                    slope,
+                    offset,
+                    active,
+                    in_python,
+                    forces,
+                    k,
+                    cell,
+                    feedback,
+                    y,
+                    w,
+                    J,
+                    right,
+                    scratch,
+                    breakpoints,
+                    nodes,
+                    levels,
+                )
                 change = correct(J, right, feedback, free, y, w)
             else:
                 size = linearise(
-                    kr, cubic, element, contact, slope, offset, active, in_python, forces, cut_k, last_cell,
-                    cut_feedback, y, w, J, right, scratch, breakpoints, nodes, levels,
-                )  # fmt: skip
+                    kr,
+                    cubic,
+                    element,
+                    contact,
+                    slope,
+                    offset,
+                    active,
+                    in_python,
+                    forces,
+                    cut_k,
+                    last_cell,
+                    cut_feedback,
+                    y,
+                    w,
+                    J,
+                    right,
+                    scratch,
+                    breakpoints,
+                    nodes,
+                    levels,
+                )
                 change = correct(J, right, cut_feedback, free, y, w)
             progress[NEWTON_ITERATIONS] += 1
             if not straight and change > 1e-13 * size and progress[NEWTON_ITERATIONS] < _MAX_NEWTON_ITERATIONS:
@@ -189,9 +243,23 @@ def integrate_segments(
             if progress[TARGET] == TO_EXIT:
                 if may_leave(nodes, y, x, rate, owner, levels, active, low, high, h * span[1], exits):
                     stop = first_exit(
-                        dense, values, slopes, nodes, y, x, rate, owner, levels, active, low, high, h * span[1], exits,
-                        side, samples,
-                    )  # fmt: skip
+                        dense,
+                        values,
+                        slopes,
+                        nodes,
+                        y,
+                        x,
+                        rate,
+                        owner,
+                        levels,
+                        active,
+                        low,
+                        high,
+                        h * span[1],
+                        exits,
+                        side,
+                        samples,
+                    )
                     if stop >= 0:
                         span[1] *= exits[stop]
                         progress[TARGET], progress[LENGTH_CORRECTIONS] = stop, 0
@@ -246,9 +314,19 @@ def _finish_step(segment: Integers, exits: Array, side: Integers, progress: Inte
 
 @kernel
 def _corrects_length(
-    y: Array, m: int, owner: Integers, levels: Array, segment: Integers, low: Array, high: Array, h: float,
-    side: Integers, progress: Integers, span: Array, limit: float,
-) -> bool:  # fmt: skip
+    y: Array,
+    m: int,
+    owner: Integers,
+    levels: Array,
+    segment: Integers,
+    low: Array,
+    high: Array,
+    h: float,
+    side: Integers,
+    progress: Integers,
+    span: Array,
+    limit: float,
+) -> bool:
     """Return whether a step must be repeated with a corrected length, because it does not end on its breakpoint.
 
     The step does not exceed the limit, in the cell.

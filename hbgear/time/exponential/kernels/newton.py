@@ -28,10 +28,27 @@ def predict(observe: Array, drive: Array, cell: int, zeta: Array, free: Array, y
 
 @kernel
 def linearise(
-    kr: Array, cubic: Array, element: Integers, contact: Integers, slope: Array, offset: Array, segment: Integers,
-    in_python: Bools, forces: Array, k: Array, cell: int, feedback: Array, y: Array, w: Array, J: Array, right: Array,
-    scratch: Array, breakpoints: Breakpoints | None, nodes: Array, levels: Array,
-) -> float:  # fmt: skip
+    kr: Array,
+    cubic: Array,
+    element: Integers,
+    contact: Integers,
+    slope: Array,
+    offset: Array,
+    segment: Integers,
+    in_python: Bools,
+    forces: Array,
+    k: Array,
+    cell: int,
+    feedback: Array,
+    y: Array,
+    w: Array,
+    J: Array,
+    right: Array,
+    scratch: Array,
+    breakpoints: Breakpoints | None,
+    nodes: Array,
+    levels: Array,
+) -> float:
     """Compute the equations J step = right of the next Newton step for w, and return the size of the forces."""
     s, m, size = k.shape[1], len(kr), 0.0
     for i in range(s):
@@ -144,10 +161,27 @@ def fold(plan: Plan, method: Method, breakpoints: Breakpoints | None, cells: Tab
                     zeta[r] = 1.0 if r == u else 0.0
                 predict(cells.observe[0], cells.drive[0], cell, zeta, free, y, w)
                 linearise(
-                    plan.kr[0], plan.cubic[0], method.element, method.contact, plan.slope[0], plan.offset[0], segment,
-                    method.in_python, work.forces[0], cells.k[0], cell, cells.feedback[0], y, w, work.J, work.right,
-                    work.scratch, breakpoints, method.nodes, levels,
-                )  # fmt: skip
+                    plan.kr[0],
+                    plan.cubic[0],
+                    method.element,
+                    method.contact,
+                    plan.slope[0],
+                    plan.offset[0],
+                    segment,
+                    method.in_python,
+                    work.forces[0],
+                    cells.k[0],
+                    cell,
+                    cells.feedback[0],
+                    y,
+                    w,
+                    work.J,
+                    work.right,
+                    work.scratch,
+                    breakpoints,
+                    method.nodes,
+                    levels,
+                )
                 correct(work.J, work.right, cells.feedback[0], free, y, w)
                 propagate_state(cells.turn[0], cells.push[0], w, zeta)
                 for i in range(n + size):

@@ -11,9 +11,17 @@ from hbgear.time.exponential.segments import Integers
 
 @kernel
 def is_periodic(
-    history: Array, p: int, periods: int, window: int, weights: Array, size: Array, tolerance: float, period: Integers,
-    remaining_distance: Array, guess: Integers,
-) -> None:  # fmt: skip
+    history: Array,
+    p: int,
+    periods: int,
+    window: int,
+    weights: Array,
+    size: Array,
+    tolerance: float,
+    period: Integers,
+    remaining_distance: Array,
+    guess: Integers,
+) -> None:
     """Estimate the period and the remaining distance of B motions after p excitation periods.
 
     Parameters

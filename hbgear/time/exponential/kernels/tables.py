@@ -12,10 +12,21 @@ from hbgear.time.exponential.kernels.data import Breakpoints, Method, Plan, Tabl
 
 @kernel
 def tabulate(
-    poles: ComplexArray, output: ComplexArray, input: ComplexArray, h: float, nodes: Array, lagrange: Array,
-    turn: ComplexArray, observe: Array, feedback: Array, push: Array, turns: ComplexArray, inner: ComplexArray,
-    powers: ComplexArray, scratch: Array,
-) -> None:  # fmt: skip
+    poles: ComplexArray,
+    output: ComplexArray,
+    input: ComplexArray,
+    h: float,
+    nodes: Array,
+    lagrange: Array,
+    turn: ComplexArray,
+    observe: Array,
+    feedback: Array,
+    push: Array,
+    turns: ComplexArray,
+    inner: ComplexArray,
+    powers: ComplexArray,
+    scratch: Array,
+) -> None:
     """Compute the tables of a step of length h for zeta and for w at the Gauss points.
 
     turn, observe, feedback and push are outputs, see `Tables`; the last four arrays are scratch arrays.
@@ -56,9 +67,16 @@ def evaluate_series(curves: Array, length: float, out: Array) -> None:
 
 @kernel
 def excite(
-    steady: ComplexArray, stiffness: ComplexArray, nodes: Array, x: float, length: float, N: int, cell: int,
-    drive: Array, k: Array,
-) -> None:  # fmt: skip
+    steady: ComplexArray,
+    stiffness: ComplexArray,
+    nodes: Array,
+    x: float,
+    length: float,
+    N: int,
+    cell: int,
+    drive: Array,
+    k: Array,
+) -> None:
     """Evaluate steady (L + 1, 2 m) and stiffness (S, K + 1) at the nodes of (x, x + length), in cells of the period.
 
     Outputs are drive (C, (s + 1) 2 m) and k (C, s, S), at the given cell.
@@ -138,10 +156,21 @@ def fill(plan: Plan, method: Method, breakpoints: Breakpoints | None, lengths: A
     for i in range(len(lengths)):
         r, cells = i if len(plan.h) > 1 else 0, out.drive.shape[1]
         tabulate(
-            plan.poles[r], plan.output[r], plan.input[r], lengths[i] * plan.h[r], method.nodes, method.lagrange,
-            out.turn[i], out.observe[i], out.feedback[i], out.push[i], work.turns, work.inner, work.powers,
+            plan.poles[r],
+            plan.output[r],
+            plan.input[r],
+            lengths[i] * plan.h[r],
+            method.nodes,
+            method.lagrange,
+            out.turn[i],
+            out.observe[i],
+            out.feedback[i],
+            out.push[i],
+            work.turns,
+            work.inner,
+            work.powers,
             work.scratch,
-        )  # fmt: skip
+        )
         for cell in range(cells):
             excite(
                 plan.steady[r], plan.stiffness[r], method.nodes, float(cell), 1.0, cells, cell, out.drive[i], out.k[i]
