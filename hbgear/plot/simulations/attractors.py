@@ -19,6 +19,7 @@ from hbgear.mechanics.series.fourier import evaluate
 from hbgear.mechanics.series.measures import axis_text
 from hbgear.plot.branch_sections import sections
 from hbgear.plot.curves import response
+from hbgear.plot.simulations.simulation import dots, section_points
 from hbgear.plot.style import GREY, add_legend, axes_or_new, dress_with_speeds, styled
 from hbgear.time.attractors.bifurcation_diagram import BifurcationDiagram
 from hbgear.time.attractors.verdicts import Verdict
@@ -37,9 +38,6 @@ VERDICTS = {
 
 _DOT, _SMALL_DOT = 2.6, 0.9
 """Diameters [pt] of points of periodic and of other motions."""
-
-_MAX_VECTOR_DOTS = 1000
-"""Largest number of dots of one set that is drawn as vectors; larger sets are drawn as pixels."""
 
 
 @checked_arguments()
@@ -145,18 +143,7 @@ def bifurcation_diagram(
             if not len(x):
                 continue
             size = _DOT if verdict is Verdict.PERIODIC or measure else _SMALL_DOT
-            ax.plot(
-                abscissa.scale * x,
-                factor * y,
-                "o",
-                color=colour,
-                markersize=size,
-                markeredgewidth=0,
-                zorder=5,
-                label=verdict.value,
-                gid=verdict.value,
-                rasterized=len(x) > _MAX_VECTOR_DOTS,
-            )
+            dots(ax, abscissa.scale * x, factor * y, colour, size, verdict.value, zorder=5)
         ax.set_xlabel(abscissa.label)
         motion = name if length is None else f"{name} [{MICROMETRE}]"
         section = f"{'rate of ' if rate else ''}{name} at " + r"$\tau = 0$" + motion.removeprefix(name)
@@ -170,15 +157,10 @@ def bifurcation_diagram(
 
 def _dots(sweep: Sweep, selected: np.ndarray, measure: str, element: int | str, rate: bool) -> tuple[Array, Array]:
     """Return values of the parameter and heights of the points of some motions of a sweep."""
-    rows, j = np.flatnonzero(selected), sweep.index(element)
+    rows = np.flatnonzero(selected)
     if measure:
         return sweep.values[rows], sweep.amplitude(measure, element)[rows]
-    heights = [sweep.points[i][:, j, int(rate)] for i in rows]
-    if not heights:
-        return np.empty(0), np.empty(0)
-    return np.concatenate([np.full(len(y), sweep.values[i]) for i, y in zip(rows, heights, strict=True)]), (
-        np.concatenate(heights)
-    )
+    return section_points(sweep, rows, element, rate)
 
 
 def _section_lines(ax: Axes, curve: Branch, element: int | str, rate: bool, scale: float, factor: float) -> None:

@@ -19,6 +19,7 @@ from hbgear.analysis.quantities.length_units import (
     in_micrometres,
 )
 from hbgear.common.argument_checks import checked_arguments
+from hbgear.common.arrays import Array
 from hbgear.continuation.results.branch import Branch
 from hbgear.harmonic.models.frequency_units import length_scale, model_of, scales
 from hbgear.mechanics.models import Model
@@ -260,26 +261,13 @@ def bifurcation(
     with styled():
         ax = axes_or_new(ax, (5.6, 3.7))
         for s in found:
-            j = s.index(element)
             name = DIRECTIONS[s.direction][2]
             colour = DIRECTIONS[s.direction][1] if len(found) > 1 else "black"
             for selected, size, label in ((s.settled, 2.0, name), (~s.settled, 0.9, f"{name}, not periodic")):
                 if not selected.any():
                     continue
-                rows = np.flatnonzero(selected)
-                x = np.concatenate([np.full(len(s.points[i]), abscissa.scale * s.values[i]) for i in rows])
-                y = factor * np.concatenate([s.points[i][:, j, int(rate)] for i in rows])
-                ax.plot(
-                    x,
-                    y,
-                    "o",
-                    color=colour,
-                    markersize=size,
-                    markeredgewidth=0,
-                    label=label,
-                    gid=label,
-                    rasterized=len(x) > MAX_VECTOR_DOTS,
-                )
+                x, y = section_points(s, np.flatnonzero(selected), element, rate)
+                dots(ax, abscissa.scale * x, factor * y, colour, size, label)
         s = found[0]
         ax.set_xlabel(abscissa.label)
         label = _name(s, element)
@@ -290,6 +278,20 @@ def bifurcation(
         if len(found) > 1:
             ax.legend(loc="best", markerscale=3)
     return ax
+
+
+def section_points(sweep: Sweep, rows: Any, element: int | str, rate: bool) -> tuple[Array, Array]:
+    """Return parameter values and coordinates, or rates, of the Poincare points of some motions of a sweep."""
+    j = sweep.index(element)
+    heights = [sweep.points[i][:, j, int(rate)] for i in rows]
+    counts = np.array([len(height) for height in heights], dtype=int)
+    return np.repeat(sweep.values[rows], counts), np.concatenate([np.empty(0), *heights])
+
+
+def dots(ax: Axes, x: Array, y: Array, colour: str, size: float, label: str, **style: Any) -> None:
+    """Draw dots of a diameter [pt]; large sets are drawn as pixels."""
+    style = {"markeredgewidth": 0, "gid": label, "rasterized": len(x) > MAX_VECTOR_DOTS, **style}
+    ax.plot(x, y, "o", color=colour, markersize=size, label=label, **style)
 
 
 @checked_arguments()
