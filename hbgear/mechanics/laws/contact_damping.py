@@ -46,9 +46,7 @@ class _ContactWithGap(Law):
     def breakpoints(self) -> tuple[float, ...]:
         return (self.gap,) if self.sides == 1 or self.gap == 0 else (-self.gap, self.gap)
 
-    @property
-    def steady(self) -> bool:
-        return True
+    steady = True
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,7 @@ import numpy as np
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import POSITIVE, checked
 from hbgear.common.text.messages import quoted
-from hbgear.mechanics.laws.laws import Forces, Law, PiecewiseLinear
+from hbgear.mechanics.laws.laws import Forces, Law
 from hbgear.mechanics.laws.slider import Slider
 from hbgear.mechanics.series.fourier import Series, real_numbers
 
@@ -37,9 +37,7 @@ from hbgear.mechanics.series.fourier import Series, real_numbers
 class _Sliders(Law):
     """Law that consists of sliders only."""
 
-    @property
-    def piecewise(self) -> tuple[PiecewiseLinear, ...]:
-        return ()
+    piecewise = ()
 
     def force(self, d: Array, v: Array, tau: Array) -> Forces:
         """Return the part of the force without memory, zero."""

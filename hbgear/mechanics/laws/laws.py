@@ -214,13 +214,8 @@ class Cubic(Law):  # numpydoc ignore=PR02
     def reference(self) -> float:
         return abs(self.k1)
 
-    @property
-    def rated(self) -> bool:
-        return False
-
-    @property
-    def steady(self) -> bool:
-        return True
+    rated = False
+    steady = True
 
     def force(self, d: Array, v: Array, tau: Array) -> Forces:
         d2 = d * d

@@ -86,9 +86,7 @@ class ToothContact(Law):  # numpydoc ignore=PR02
     def phases(self) -> tuple[float, ...]:
         return tuple(sorted({*self.stiffness.corners, *self.level.corners}))
 
-    @property
-    def rated(self) -> bool:
-        return False
+    rated = False
 
     def force(self, d: Array, v: Array, tau: Array) -> Forces:
         return self.bind(tau)(d, v)
@@ -312,9 +310,7 @@ class MeshContacts(Law):  # numpydoc ignore=PR02
     def phases(self) -> tuple[float, ...]:
         return tuple(sorted({x for contact in self.contacts for x in contact.phases}))
 
-    @property
-    def rated(self) -> bool:
-        return False
+    rated = False
 
     def force(self, d: Array, v: Array, tau: Array) -> Forces:
         return self.bind(tau)(d, v)

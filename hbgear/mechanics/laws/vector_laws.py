@@ -199,17 +199,9 @@ class RadialClearance(VectorLaw):  # numpydoc ignore=PR02
         checked("RadialClearance", "clearance", self.clearance, NOT_NEGATIVE)
         checked("RadialClearance", "friction", self.friction)
 
-    @property
-    def size(self) -> int:
-        return 2
-
-    @property
-    def rated(self) -> bool:
-        return False
-
-    @property
-    def steady(self) -> bool:
-        return True
+    size = 2
+    rated = False
+    steady = True
 
     @property
     def reference(self) -> float:
@@ -277,13 +269,8 @@ class Polynomial(VectorLaw):  # numpydoc ignore=PR02
     def size(self) -> int:
         return len(self.exponents[0])
 
-    @property
-    def rated(self) -> bool:
-        return False
-
-    @property
-    def steady(self) -> bool:
-        return True
+    rated = False
+    steady = True
 
     def force(self, d: Array, v: Array, tau: Array) -> Forces:
         powers, factors = np.array(self.exponents), np.array(self.coefficients)
@@ -336,9 +323,7 @@ class Directed(VectorLaw):  # numpydoc ignore=PR02
         if self.law.sliders or self.law.damped:
             raise ValueError("Directed: a law with friction sliders or contacts with dampers acts where it measures")
 
-    @property
-    def size(self) -> int:
-        return 2
+    size = 2
 
     @property
     def rated(self) -> bool:
@@ -402,17 +387,9 @@ class SlidingTeeth(VectorLaw):  # numpydoc ignore=PR02
         if not isinstance(self.contacts, MeshContacts) or self.contacts.sliding is None:
             raise ValueError("SlidingTeeth: contacts must be MeshContacts with sliding=ToothSliding(...)")
 
-    @property
-    def size(self) -> int:
-        return 3
-
-    @property
-    def grazes(self) -> bool:
-        return False
-
-    @property
-    def rated(self) -> bool:
-        return False
+    size = 3
+    grazes = False
+    rated = False
 
     @property
     def reference(self) -> float:
