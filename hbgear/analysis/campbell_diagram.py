@@ -267,8 +267,7 @@ def _equilibrium_stiffness(
 
     Warn if the contact of one of the numbered elements differs at the upper end.
     """
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # one harmonic is enough for a static equilibrium
+    with warnings.catch_warnings(action="ignore"):  # one harmonic is enough for a static equilibrium
         compiled = HarmonicBalance(model, 1).compiled({})
     first, last = (static_stiffness(compiled, Omega) for Omega in span)
     if first is None or last is None:

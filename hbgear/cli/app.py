@@ -121,8 +121,8 @@ app = typer.Typer(
 
 def main(args: Sequence[str] | None = None) -> None:
     """Run the command and exit."""
-    with sigterm_like_ctrl_c(), warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)  # of libraries: users of a command cannot act on them
+    # of libraries: users of a command cannot act on them
+    with sigterm_like_ctrl_c(), warnings.catch_warnings(action="ignore", category=DeprecationWarning):
         warnings.showwarning = partial(_show_once, set())
         code = _output_exit_code(_run(list(sys.argv[1:] if args is None else args) or ["--help"]))
         atexit.register(_ignore_interrupts)  # registered last, so that it runs first

@@ -14,7 +14,6 @@ Fletcher & Leyffer (2002), Mathematical Programming 91, 239-269, https://doi.org
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -36,7 +35,6 @@ from hbgear.continuation.tracing.trace import trace
 from hbgear.harmonic.bifurcations.peaks import peaks
 from hbgear.harmonic.equations.layout import Layout
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
-from hbgear.mechanics.plausibility import ImplausibleInputWarning
 from hbgear.mechanics.series.measures import check_measure
 
 GOAL_MARGIN = 1e-3
@@ -264,13 +262,7 @@ class Search:
         )
 
     def run(self, u: Array, low: Array, high: Array) -> Array:
-        """Return relative changes that reach the goal, or the nearest ones within the bounds."""
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", ImplausibleInputWarning)  # for values during the search
-            return self._run(u, low, high)
-
-    def _run(self, u: Array, low: Array, high: Array) -> Array:
-        """Return the change of the parameters found from u within low and high by repeated linear programs."""
+        """Return relative changes that reach the goal, or the nearest ones within low and high, by linear programs."""
         radius, slack = MAX_RELATIVE_STEP, self._evaluated(u)
         accepted: list[tuple[float, float]] = []
         for _ in range(MAX_STEPS):

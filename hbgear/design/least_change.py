@@ -190,7 +190,8 @@ def redesign(
         if curve is not None:
             search.message = WITHOUT_CHANGE
         else:
-            u = search.run(u, low, high)
+            with warnings.catch_warnings(action="ignore", category=ImplausibleInputWarning):  # of values on the way
+                u = search.run(u, low, high)
         ending.record_end(Status.REACHED_END, search.message)
     except KeyboardInterrupt as error:
         u = search.last
@@ -311,8 +312,7 @@ def _traced_shortfall(search: Search, u: Array, deviations: Mapping[str, float])
     nan if the traced parts of curves reach the goal and a trace stopped early, `Search.stopped`.
     """
     goal = search.goal
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ImplausibleInputWarning)
+    with warnings.catch_warnings(action="ignore", category=ImplausibleInputWarning):
         balance, stability = search.balance(u, deviations), goal.kind == "no jumps"
         curve = raise_if_interrupted(trace(balance, "Omega", search.span, stability=stability))
         if goal.kind != "no jumps":

@@ -127,8 +127,7 @@ def _ending(it: Machine, one: Branch) -> Iterator[str]:
         yield "closed, but does not end where it began"
     for end, far in one.unbounded_ends:
         direction = one.X[end]
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # nothing excites it
+        with warnings.catch_warnings(action="ignore"):  # nothing excites it
             far_off = hb.HarmonicBalance(Receded(it.model), one.problem.H)
         mu = far_off.multipliers(direction / np.abs(direction).max(), Omega=far)
         apart = np.abs(mu - 1).min()

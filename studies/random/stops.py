@@ -216,8 +216,7 @@ def read_lines(path: Path | None) -> list[str]:
 def scanned(zeta: float, gap: float, k: float, every: int) -> dict[str, Any]:
     """One curve as plain data: case, points compared, seconds of the trace, and status."""
     stop, start = Stop(2 * zeta, k, gap, 0.1), time.process_time()
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
+    with warnings.catch_warnings(action="ignore"):
         curve = hb.trace(hb.HarmonicBalance(stop.system, 16), "Omega", (2.2, 0.4))
     seconds = time.process_time() - start
     shots = [astuple(shot) for shot in compared(stop, curve, every)]

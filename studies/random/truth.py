@@ -307,8 +307,7 @@ def compare(it: Machine, harmonics: int = 16, jumps: bool = True, seed: int = 0)
 
 def traced(it: Machine, harmonics: int, **options: Any) -> Branch:
     """Return the response curve of a machine."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
+    with warnings.catch_warnings(action="ignore"):
         return hb.trace(hb.HarmonicBalance(it.model, harmonics), "Omega", it.span, **options)
 
 

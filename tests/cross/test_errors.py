@@ -197,8 +197,7 @@ def test_random_spur_pairs():
         rng = np.random.default_rng(seed)
         eps = tuple(rng.uniform(0.05, 0.25, 2))
         model = hb.SpurPair(zeta=rng.uniform(0.03, 0.08), F_m=rng.uniform(0.05, 0.2), eps=eps, e=(0.05,))
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", hb.mechanics.ImplausibleInputWarning)
+        with warnings.catch_warnings(action="ignore", category=hb.mechanics.ImplausibleInputWarning):
             curve, fine = (
                 hb.trace(hb.HarmonicBalance(model, H), "Omega", (1.6, 0.5), accuracy=accuracy)
                 for H, accuracy in ((12, 1e-4), (60, 1e-6))

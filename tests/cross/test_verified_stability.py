@@ -179,8 +179,7 @@ def test_small_multipliers_that_are_rounding_are_no_period_doublings():
     saddle = hb.System(
         [[1.0]], [[0.1]], [[-2.5]], [hb.Element([1.0], hb.Cubic(k3=-0.1, k1=0.5))], hb.Load(cosine={1: [0.05]})
     )
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with warnings.catch_warnings(action="error"):
         curve = hb.trace(hb.HarmonicBalance(saddle, 12), "Omega", (0.3, 0.1), start=np.zeros(25))
         slow = hb.trace(hb.HarmonicBalance(saddle, 12), "Omega", (0.01, 0.005), start=np.zeros(25))
     assert not curve.special and set(curve.stability) == {"unstable"}
@@ -280,8 +279,7 @@ def test_multipliers_of_a_motion_without_contact_have_no_error_and_no_warning():
     problem = hb.HarmonicBalance(model, 5)
     X = problem.start(Omega=0.5)
     seen = problem.observe(X, True, Omega=0.5) | {"determinant": 1, "contradicts": True}
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with warnings.catch_warnings(action="error"):
         problem.verify_stability(X[None], "Omega", np.array([0.5]), [seen], {})
     assert seen["error"] == 0 and seen["modulus_error"] <= 1e-7
     np.testing.assert_allclose(np.abs(seen["multipliers"]), np.exp(-0.05 * 2 * np.pi / 0.5), rtol=1e-9)

@@ -249,8 +249,7 @@ def _tried(attempt: Attempt, seed: int, folder: Path, note: Note, memory: int) -
     """Return the invalid outcome, if any, and the increase of the memory in bytes."""
     before = _peak_memory()
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("always")
+        with warnings.catch_warnings(action="always"):
             warnings.showwarning = lambda *_, **__: None  # type: ignore[assignment]
             wrong = attempt(seed, folder, note)
     except BaseException as error:

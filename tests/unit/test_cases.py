@@ -529,8 +529,7 @@ def test_a_damaged_case_is_computed_again_with_a_message(run, tmp_path, damage):
     assert again.outcome == "finished" and not again.failed
     for name in before.table.keys() - {"seconds"}:
         np.testing.assert_array_equal(before.table[name], again.table[name])
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with warnings.catch_warnings(action="error"):
         run(vary, compute=compute)
         assert np.array_equal(before.branch(0).X, again.branch(0).X)
 

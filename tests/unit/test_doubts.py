@@ -66,15 +66,13 @@ def test_the_warning_names_the_line_of_the_caller():
 
 @pytest.mark.parametrize("cls", MODELS.values())
 def test_defaults_are_beyond_doubt(cls):
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with warnings.catch_warnings(action="error"):
         response(cls(), cls.default_span, 16)
 
 
 def test_oil_film_and_gyroscopes_are_beyond_doubt():
     """Cross-coupled stiffness of bearings and the skew-symmetric C of gyroscopic moments raise no warning."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with warnings.catch_warnings(action="error"):
         balance(two(EYE, [[0.1, 0.3], [-0.3, 0.1]], [[2.0, 0.4], [-0.7, 2.0]]))
 
 

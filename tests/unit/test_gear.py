@@ -211,8 +211,7 @@ def test_advised_shift_and_number_of_teeth_avoid_undercut(alpha, beta, z, x):
     with pytest.warns(hb.mechanics.ImplausibleInputWarning, match="undercut") as caught:
         gear(z, profile_shift=x, **fields)
     shift, teeth = re.search(r"at least ([\d.]+), or (\d+) teeth", str(caught[0].message)).groups()
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with warnings.catch_warnings(action="error"):
         least, _ = gear(z, profile_shift=float(shift), **fields), gear(int(teeth), profile_shift=x, **fields)
         wider = gear(z, profile_shift=float(shift) + 0.03, **fields)
     assert least.form_diameter == pytest.approx(least.base_diameter, abs=2e-8)  # the shift has three decimals

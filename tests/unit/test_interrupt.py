@@ -434,8 +434,7 @@ class Odd(hb.HarmonicBalance):
 
 def test_points_that_cannot_be_observed_are_kept():
     whole = hb.trace(hb.HarmonicBalance(DUFFING, 3), "Omega", (0.6, 1.6))
-    with warnings.catch_warnings():
-        warnings.simplefilter("error", RuntimeWarning)
+    with warnings.catch_warnings(action="error", category=RuntimeWarning):
         part = hb.trace(Odd(DUFFING, 3), "Omega", (0.6, 1.6))
     assert part.status is Status.FAILED and "Bug: no multipliers here (test_interrupt.py, line" in part.message
     assert part.values[-1] == 1.6 and part["LP1"].located

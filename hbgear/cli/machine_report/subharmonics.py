@@ -58,8 +58,8 @@ def show_subharmonics(motions: Sequence[Subharmonic]) -> None:
 
 def _parametric_curve(model: hb.mechanics.Model, count: int | str, top: float) -> hb.Branch:
     """Return the curve above the traced span, in which the period doublings of the parametric resonance lie."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", hb.mechanics.ImplausibleInputWarning)  # no loss of contact there is usual
+    # no loss of contact there is usual
+    with warnings.catch_warnings(action="ignore", category=hb.mechanics.ImplausibleInputWarning):
         span = (PARAMETRIC_SPAN, top)
         return hb.trace(hb.HarmonicBalance(model, count), "Omega", span, steps=LONG_STEPS, accuracy=None)
 

@@ -78,8 +78,8 @@ class FitSearch:
         self.evaluations += 1
         try:
             values = dict(zip(self.names, map(float, x), strict=True))
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", ImplausibleInputWarning)  # for values during the search
+            # for values during the search
+            with warnings.catch_warnings(action="ignore", category=ImplausibleInputWarning):
                 prediction = Prediction(self.problem, self.data, values, self.span)
         except (NotTraced, ValueError) as error:
             self.refused = str(error)

@@ -187,8 +187,8 @@ def _schema(subject: _Subject | None) -> Any:
     compute = table(
         "compute",
         {
-            "what": (list[Literal[KINDS]], ["peak", "jumps"]),
-            "critical": (list[str], []),  # type: ignore[valid-type]
+            "what": (list[Literal[KINDS]], ["peak", "jumps"]),  # type: ignore[valid-type]
+            "critical": (list[str], []),
             "harmonics": (Annotated[int, Field(ge=1)], 16),
             "span": (Annotated[list[Annotated[float, Field(gt=0)] | str], Field(min_length=2, max_length=2)], None),
             "measure": (str, "pp2"),
@@ -253,7 +253,6 @@ def _study(checked: Any, subject: _Subject | None) -> Study:
             raise ValueError(f"span = {list(given)}: need two different positive frequencies")
         what, critical, span = tuple(compute.what), tuple(compute.critical), (first, last)
         work = Work(what, critical, compute.harmonics, span, compute.measure, compute.element)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # are given when the study is computed
+        with warnings.catch_warnings(action="ignore"):  # are given when the study is computed
             check_work(model, work)
     return Study(subject.source, model, vary, work, subject.model if isinstance(subject.model, Model) else None)

@@ -138,8 +138,8 @@ def sweep_statistics(
 
 def quantiles_of(amplitude: Array, levels: Array) -> Array:
     """Return quantiles (Q, P) over the cases with a stable motion; each is the amplitude of one case."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RuntimeWarning)  # at frequencies without a stable motion of any case
+    # at frequencies without a stable motion of any case
+    with warnings.catch_warnings(action="ignore", category=RuntimeWarning):
         return np.nanquantile(amplitude, levels, axis=0, method="inverted_cdf")
 
 

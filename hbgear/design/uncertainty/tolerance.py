@@ -224,8 +224,8 @@ def _jump_of(
         if solver.bounds_stable_motions(U, parameters):
             return float(U[-1]), parameters
     change = float(slopes @ values)
-    with suppress(*SEARCH_ERRORS), warnings.catch_warnings():
-        warnings.simplefilter("ignore", ImplausibleInputWarning)  # values of a draw
+    # values of a draw
+    with suppress(*SEARCH_ERRORS), warnings.catch_warnings(action="ignore", category=ImplausibleInputWarning):
         span, at = (branch.values[0], branch.values[-1]), {name: parameters[name] for name in changes}
         curve = raise_if_interrupted(trace(branch.problem, branch.parameter, span, at=at, accuracy=None))
         others = [other.value for one in curve.curves for other in one.jumps() if other.direction == jump.direction]

@@ -85,8 +85,8 @@ def unforced_balance(model: Model, harmonics: int, reduce: bool = False) -> Harm
     ValueError
         If the whole structure is too large for dense matrices, or as of `Unforced.system`.
     """
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ImplausibleInputWarning)  # a model without excitation is intended here
+    # a model without excitation is intended here
+    with warnings.catch_warnings(action="ignore", category=ImplausibleInputWarning):
         balance = HarmonicBalance(Unforced(model), harmonics, reduce=reduce)
     structure = balance.compiled({}).structure
     if structure.large and not reduce:

@@ -163,8 +163,7 @@ def continue_from_nearby_frequency(problem: Any, parameters: dict[str, float]) -
             nearby = {**parameters, "Omega": nearby_Omega}
             guesses = initial_guesses(problem.compiled(nearby), nearby_Omega)
             X = _solution_from_guesses(problem, nearby, guesses)
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # warnings about the auxiliary branch are of no use
+            with warnings.catch_warnings(action="ignore"):  # warnings about the auxiliary branch are of no use
                 curve = raise_if_interrupted(
                     trace(
                         problem,

@@ -172,8 +172,7 @@ def load(path: str | os.PathLike[str], problem: Any = None) -> Branch:
     branch = read(path)
     if problem is not None:
         return _with_problem(branch, lambda _: problem)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # of the model, which were shown when the curve was traced
+    with warnings.catch_warnings(action="ignore"):  # of the model, which were shown when the curve was traced
         return _with_problem(branch, lambda curve: None if "curve" in curve.meta else curve.rebuilt_problem())
 
 
