@@ -420,10 +420,39 @@ def test_contacts_of_a_symmetric_machine_are_named() -> None:
     load = hb.Load(cosine={1: [0.3, 0.3]})
     machine = hb.System(np.eye(2), 0.1 * np.eye(2), [[1.5, -0.5], [-0.5, 1.5]], stops, load)
     curve = hb.trace(hb.ContactInstants(machine), "Omega", (1.6, 1.2))
-    with pytest.raises(NotCertifiedError, match=r"instants of stop [12] and of stop [12] may coincide at phase"):
+    expected = r"instants of stop [12] and of stop [12] may coincide at phase .*: in a symmetric machine, model one"
+    with pytest.raises(NotCertifiedError, match=expected):
         hb.analysis.certify(curve["LP1"])
     with pytest.raises(NotCertifiedError, match="contacts of stop 1, stop 2 graze at once"):
         hb.analysis.certify(curve["GR1"])
+
+
+@pytest.mark.parametrize("label", STOP_POINTS)
+def test_parallel_stops_are_proved_as_one_stop(label: str) -> None:
+    """Two stops of k = 300 and 700 at one gap pass it at the same instants; together they are the stop of k = 1000."""
+    parts = [hb.Element([1.0], hb.Unilateral(k=k, gap=0.5), name=f"stop {k:g}") for k in (300.0, 700.0)]
+    curve = hb.trace(hb.ContactInstants(dataclasses.replace(stop(), elements=parts), 8), "Omega", (2.2, 0.8))
+    low, high = inner(certify(curve[label]))
+    rounding = Fraction(1, 10 ** (len(STOP_POINTS[label]) - 2))
+    assert low - rounding <= Fraction(STOP_POINTS[label]) <= high + rounding
+
+
+def test_dampers_of_parallel_stops_are_summed_as_decimals() -> None:
+    """0.1 + 0.2 is 0.3 in decimals, not in binary numbers."""
+    parts = [hb.Element([1.0], hb.Unilateral(k=k, gap=0.5), damping=c) for k, c in ((300.0, 0.1), (700.0, 0.2))]
+    curve = hb.trace(hb.ContactInstants(dataclasses.replace(stop(), elements=parts), 8), "Omega", (1.2, 1.18))
+    first = certify(curve[0]).claim["equations"]["elements"][0]
+    assert first["damping"] == "0.3" and [spring["slopes"][1] for spring in first["springs"]] == ["300.0", "700.0"]
+
+
+def test_stops_of_opposite_directions_at_one_place_are_advised() -> None:
+    facing = [
+        hb.Element([-1.0], hb.mechanics.PiecewiseLinear((-0.5,), (5.0, 0.0)), name="left"),
+        hb.Element([1.0], hb.Unilateral(k=5.0, gap=0.5), name="right"),
+    ]
+    curve = hb.trace(hb.ContactInstants(dataclasses.replace(stop(), elements=facing), 8), "Omega", (1.2, 1.15))
+    with pytest.raises(NotCertifiedError, match="elements in one direction are one contact only if"):
+        certify(next(point for point in curve if 1 in point.regime))
 
 
 def test_both_flanks_of_a_symmetric_gap_graze_at_once() -> None:

@@ -113,6 +113,19 @@ def test_all_special_points_of_a_hard_stop(curve: hb.Branch) -> None:
             np.testing.assert_allclose(np.sort_complex(point.multipliers), np.sort(multipliers), atol=1e-8)
 
 
+@pytest.mark.parametrize("parts", [(500.0, 500.0), (100.0, 200.0, 700.0)])
+def test_parallel_stops_have_the_special_points_of_one_stop(parts: tuple[float, ...], capfd: Any) -> None:
+    """Stops at one place begin and end contact at the same instants; one of the folds is 1e-9 from a grazing point."""
+    stops = [hb.Element([1.0], hb.Unilateral(k=k, gap=0.5), name=f"stop {i}") for i, k in enumerate(parts, start=1)]
+    parallel = hb.trace(hb.HarmonicBalance(replace(stop(), elements=stops), 12), "Omega", (0.5, 2.2))
+    assert [point.kind for point in parallel.special] == [kind for kind, *_ in SPECIAL_POINTS]
+    for point, (_, Omega, _) in zip(parallel.special, SPECIAL_POINTS, strict=True):
+        assert abs(point.parameters["Omega"] - Omega) < 1e-9, point
+    assert parallel["GR1"].note == f"highest of {', '.join(e.name for e in stops)} at 0.5"
+    assert (parallel.regime == parallel.regime[:, :1]).all() and parallel.regime.max() == 1
+    assert parallel.X.shape[1] == len(parts) * 25 and not any(capfd.readouterr())
+
+
 @pytest.mark.slow
 def test_a_curve_without_a_first_motion_is_followed_from_the_other_end() -> None:
     """The balance with H = 32 finds no motion at Omega = .4; the curve from 2.3 covers the span."""

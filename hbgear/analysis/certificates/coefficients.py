@@ -9,6 +9,8 @@ shortest decimals. A proof refers to the equations with exactly these decimals.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from decimal import Decimal
 from typing import Any
 
 import numpy as np
@@ -43,7 +45,7 @@ def coefficients_of(equations: Equations) -> dict[str, Any]:
         "M": _matrix(system.M),
         "C": _matrix(system.C),
         "K": _matrix(system.K),
-        "elements": [_element(e) for e in system.elements],
+        "elements": [_element(e, equations.parallel(j)) for j, e in enumerate(system.elements)],
         "loads": [_load(load) for load in system.loads],
         "sections": sections,
         "nu": equations.nu,
@@ -73,14 +75,14 @@ def _matrix(A: Any) -> list[list[str]]:
     return [[decimal(x) for x in row] for row in dense]
 
 
-def _element(element: Element) -> dict[str, Any]:
-    """Return an element as plain data."""
+def _element(element: Element, parallel: Sequence[Element]) -> dict[str, Any]:
+    """Return an element as plain data, with the springs and dampers of the given elements ``parallel`` to it."""
     return {
         "name": element.name,
         "direction": [decimal(x) for x in np.asarray(element.direction, dtype=float)],
-        "damping": decimal(element.damping),
+        "damping": str(sum((Decimal(decimal(e.damping)) for e in parallel), Decimal(0))),
         "displacement": _phased(element.displacement),
-        "springs": [_spring(spring) for spring in element.law.piecewise or ()],
+        "springs": [_spring(spring) for e in parallel for spring in e.law.piecewise or ()],
         "breakpoints": [decimal(x) for x in element.law.breakpoints],
     }
 

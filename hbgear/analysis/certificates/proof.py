@@ -29,7 +29,7 @@ from hbgear.analysis.certificates.gap_signs import DOUBLE, SINGLE, failing_gap
 from hbgear.analysis.certificates.krawczyk import Krawczyk
 from hbgear.analysis.certificates.point_equations import SIGNS, ContactOrder, PointEquations
 from hbgear.common.optional import needed
-from hbgear.harmonic.instants.pattern import InconsistentPatternError
+from hbgear.harmonic.instants.pattern import InconsistentPatternError, Switch
 
 PRECISION = 170
 """Precision of ball arithmetic [bit]: 51 decimals."""
@@ -118,12 +118,25 @@ def _check_instants(equations: PointEquations, Z: Balls) -> None:
     switches, period = equations.order.pattern.switches, float(equations.system.period.mid())
     for i, (a, b) in enumerate(equations.ends(Z)):
         if not b > a:
-            first, second = (_name(equations, switches[j % len(switches)]) for j in (i, i + 1))
+            first, second = switches[i], switches[(i + 1) % len(switches)]
+            names = (_name(equations, switch) for switch in (first, second))
             raise NotCertifiedError(
                 "order of instants",
-                f"the instants of {first} and of {second} may coincide at phase {float(a.mid()) % period:.6g}, as in a "
-                "symmetric machine: the proof needs a strict order, so model one half of the machine",
+                f"the instants of {' and of '.join(names)} may coincide at phase {float(a.mid()) % period:.6g}, but "
+                f"the proof needs a strict order: {_remedy(equations.system, first, second)}",
             )
+
+
+def _remedy(system: BallSystem, first: Switch, second: Switch) -> str:
+    """Return what gives instants that coincide a strict order."""
+    if first.is_fixed or second.is_fixed:
+        return "certify a point at another Omega"
+    if first.element == second.element:
+        return "the contact ends as it begins, so certify the grazing point or a point farther from it"
+    directions = [[float(x) for x in system.elements[switch.element]["direction"]] for switch in (first, second)]
+    if np.linalg.matrix_rank(directions) == 1:
+        return "elements in one direction are one contact only if direction, displacement and gap are equal"
+    return "in a symmetric machine, model one half, which has the symmetric motions and their multipliers"
 
 
 def _name(equations: PointEquations, switch: Any) -> str:

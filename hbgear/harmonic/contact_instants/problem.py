@@ -257,7 +257,7 @@ class ContactInstants(HarmonicBalance):
     def observe(self, X: Array, stability: bool = True, **parameters: float) -> dict[str, Any]:
         """Return multipliers, regime, instants and rms of the harmonics above H of the exact motion near X."""
         ode, iterate = self._exact_iterate(X, parameters)
-        regime, error = regime_of(iterate.pattern, ode.equations.m), coefficients(ode, iterate, self.H)[1]
+        regime, error = regime_of(iterate.pattern, ode.equations.first), coefficients(ode, iterate, self.H)[1]
         observed: dict[str, Any] = {"regime": regime, "instants": np.sort(iterate.tau % ode.period), "error": error}
         if stability:
             observed["multipliers"] = multipliers_of(monodromy_matrix(linearise_switches(ode, iterate)))

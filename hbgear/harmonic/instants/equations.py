@@ -8,6 +8,9 @@ displacement has breakpoints, the period is divided into sections, s is the phas
 coefficients of the sums are constant on a section. Springs of constant stiffness are part of A; the others keep their
 factor kappa_s(tau).
 
+Elements with the same gap and breakpoints pass each breakpoint at one instant. The first of them has the sum of their
+laws and dampers, so that one switch represents this instant; the others are without force.
+
 The state is x = L (q, q' / clock) with coordinates scaled by their masses. Motions that no spring, damper or element
 resists (rigid rotation) change no gap and no force. They are removed by taking the quotient,
 
@@ -26,11 +29,12 @@ import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.harmonic.structure.linear_structure import dense
-from hbgear.mechanics.laws.laws import PiecewiseLinear
+from hbgear.mechanics.laws.laws import Parallel, PiecewiseLinear
 from hbgear.mechanics.models import System
 from hbgear.mechanics.series.fourier import Series, derive, evaluate, to_complex, to_real
 from hbgear.mechanics.series.periodic import Periodic, Phased
 from hbgear.mechanics.series.piecewise_polynomial import TURN
+from hbgear.mechanics.structures.elements import Element
 
 UNOBSERVED_SINGULAR_VALUE = 1e-11
 """Singular value, relative to the largest, up to which a direction has no effect."""
@@ -71,6 +75,9 @@ class Flow:
 class Equations:
     """Equations of a `System` at one set of parameters, for every Omega.
 
+    ``given`` is the system as it was given, ``first`` (m,) the number of the element that has the force of each one,
+    see `first_parallel`.
+
     Parameters
     ----------
     system : System
@@ -89,13 +96,19 @@ class Equations:
 
     def __init__(self, system: System, nu: int = 1, stiffness: float = 1.0) -> None:
         _require_piecewise_linear(system)
-        self.system, self.nu, self.m, self.stiffness = system, nu, len(system.elements), stiffness
-        self.breakpoints = tuple(element.law.breakpoints for element in system.elements)
+        self.first = first_parallel(system.elements)
+        self.given, self.system = system, _with_sums(system, self.first)
+        self.nu, self.m, self.stiffness = nu, len(system.elements), stiffness
+        self.breakpoints = tuple(element.law.breakpoints for element in self.system.elements)
         self._displacements: dict[int, Array] = {}
         self._bounds: dict[tuple[Contacts, ...], Array] = {}
         self._springs: dict[tuple[int, int], tuple[tuple[Phased, float, float], ...]] = {}
         self.constant_flows: dict[Contacts, Flow | None] = {}
         self.constant_matrices: dict[tuple[Contacts, ...], Array | None] = {}  # of flows at Omega = 1
+
+    def parallel(self, j: int) -> list[Element]:
+        """Return the given elements whose forces element j has."""
+        return [self.given.elements[i] for i, number in enumerate(self.first) if number == j]
 
     @cached_property
     def starts(self) -> Array:
@@ -233,6 +246,36 @@ class Equations:
             springs = tuple((k, self.stiffness * slope, self.stiffness * offset) for k, slope, offset in segments)
             self._springs[j, level] = springs
         return springs
+
+
+def first_parallel(elements: Sequence[Element]) -> list[int]:
+    """Return, for each element, the number of the first one that passes the same breakpoints at the same instants."""
+    first: list[int] = []
+    for i, element in enumerate(elements):
+        first.append(next((j for j in range(i) if first[j] == j and _is_parallel(elements[j], element)), i))
+    return first
+
+
+def _is_parallel(a: Element, b: Element) -> bool:
+    """Return whether two elements have the same gap and the same breakpoints."""
+    return (
+        bool(a.law.breakpoints)
+        and a.law.breakpoints == b.law.breakpoints
+        and np.array_equal(a.direction, b.direction)
+        and a.displacement == b.displacement
+    )
+
+
+def _with_sums(system: System, first: Sequence[int]) -> System:
+    """Return the same system with the forces of parallel elements in the first of them."""
+    elements = list(system.elements)
+    for i, j in enumerate(first):
+        if i != j:
+            a, b = elements[j], elements[i]
+            law, name = Parallel((a.law, b.law)), f"{a.name}, {b.name}"
+            elements[j] = replace(a, law=law, damping=a.damping + b.damping, name=name)
+            elements[i] = replace(b, law=PiecewiseLinear((), (0.0,)), damping=0.0)
+    return replace(system, elements=elements)
 
 
 class StateSpace:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -28,14 +28,14 @@ def observed_point(
     size = max(residual_scale(iterate), float(np.abs(rows).max(initial=0.0)))
     residual = float(np.abs(linearised.R).max(initial=0.0)) / size
     direction = int(np.sign(change)) if abs(change) > 1e-12 else 0
-    observed = {"regime": regime_of(iterate.pattern, ode.equations.m), "error": rms}
+    observed = {"regime": regime_of(iterate.pattern, ode.equations.first), "error": rms}
     return CurvePoint(u, tangent, 1, residual, 0, parameter_direction=direction, observed=observed)
 
 
-def regime_of(pattern: Pattern, m: int) -> Any:
-    """Return the number of breakpoints (m,) that the gap of each element crosses, at most 2."""
+def regime_of(pattern: Pattern, first: Sequence[int]) -> Any:
+    """Return the number of breakpoints (m,) that the gap of each element crosses, at most 2; see `Equations.first`."""
     crossed = {switch[:2] for switch in pattern.switches if not switch.is_fixed}
-    return np.array([min(2, sum(element == j for element, _ in crossed)) for j in range(m)], dtype=np.int8)
+    return np.array([min(2, sum(element == j for element, _ in crossed)) for j in first], dtype=np.int8)
 
 
 def reporter(progress: Any, name: str, span: tuple[float, float]) -> Callable[[float, int, float], None]:

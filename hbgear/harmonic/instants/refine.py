@@ -235,6 +235,8 @@ def _step(ode: EquationsAt, iterate: Iterate, R: Array, J: Array, free: bool) ->
     scale[: iterate.x.size] = residual_scale(iterate)
     scale[-1] = ode.Omega
     bordered = np.column_stack([J, (above - below) / (2 * h)]) * scale
+    if not np.isfinite(bordered).all():  # a contact without duration, about whose equation LAPACK would print a message
+        raise _failure("two contact instants of an element meet", ode.Omega)
     step = scale * np.linalg.lstsq(bordered, -R, rcond=1e-14)[0]
     return step[:-1], float(step[-1])
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from hbgear.continuation.curve.builder import SpecialPointMark, build_branch
@@ -49,16 +49,17 @@ def build_exact_branch(
     for mark in curve.marks:
         low, high = points[max(mark.index - 1, 0)], points[min(mark.index + 1, len(points) - 1)]
         switches = sorted(contact.switch for contact in mark.contacts)
-        note = ", ".join(_grazing_text(problem, switch, curve.points[mark.index]) for switch in switches)
+        elements = family(points[mark.index].value).equations.system.elements
+        note = ", ".join(_grazing_text(elements, switch, curve.points[mark.index]) for switch in switches)
         error = EXACT_ERRORS.get(mark.kind, PARAMETER_ROUNDING) * abs(points[mark.index].value)
         event = LocatedEvent(events[mark.kind], 0.5, points[mark.index], True, note or "in contact instants", error)
         marks.append(SpecialPointMark(mark.index, event, (low.value, high.value)))
     return build_branch(problem, name, fixed, points, marks, curve.status, curve.message, settings)
 
 
-def _grazing_text(problem: Any, switch: Any, point: ExactPoint) -> str:
+def _grazing_text(elements: Sequence[Any], switch: Any, point: ExactPoint) -> str:
     """Return the extremum and the element of a grazing contact; it is an inner one if the motion has other contacts."""
-    element = problem.compiled({}).system.elements[switch.element]
+    element = elements[switch.element]
     inner = any(other[:2] == switch[:2] for other in point.state.pattern.switches)
     extremum = "inner extremum" if inner else GRAZING_NOTE[switch.sign]
     return f"{extremum} of {element.name} at {element.law.breakpoints[switch.breakpoint]:g}"

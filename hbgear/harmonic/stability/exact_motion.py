@@ -120,11 +120,12 @@ STIFFNESS_RATIO, MIN_STIFFNESS_RATIO, MAX_STIFFNESS_RATIO = 2.0, 1.01, 4.0
 def _approximation(problem: Any, X: Array, parameters: Mapping[str, float]) -> tuple[Equations, Approximation]:
     """Return the equations, and the switching times and Fourier coefficients of a solution."""
     compiled = problem.compiled(parameters)
-    crossings = compiled.crossings(X)
-    number = np.concatenate([np.arange(len(b)) for b in compiled.contact_equations.breakpoints]).astype(int)
+    crossings, equations = compiled.crossings(X), compiled.contact_equations
+    number = np.concatenate([np.arange(len(e.law.breakpoints)) for e in equations.given.elements]).astype(int)
     instants = [
         (float(theta * problem.nu), int(compiled.element[row]), int(number[row]), int(sign))
         for row, theta, sign in zip(crossings.row, crossings.theta, crossings.sign, strict=True)
+        if equations.first[compiled.element[row]] == compiled.element[row]
     ]
     rows = coordinates(compiled, X, float(parameters["Omega"]))  # of the reduced structure, if the structure is large
-    return compiled.contact_equations, Approximation(rows, instants)
+    return equations, Approximation(rows, instants)
