@@ -230,7 +230,7 @@ def test_geometry_relations():
         (DoubleHelicalPair, {"beta_deg": 90.0}, "beta_deg = 90.0 must lie between"),
         (DoubleHelicalPair, {"poisson": 0.6}, "poisson = 0.6"),
         (DoubleHelicalPair, {"teeth_p": 25.5}, "teeth_p = 25.5 must be a whole number"),
-        (DoubleHelicalPair, {"teeth_g": 0}, "teeth_g = 0 must be a whole number, at least 1"),
+        (DoubleHelicalPair, {"teeth_g": 0}, "teeth_g = 0 must be a whole number of at least 1"),
         (DoubleHelicalPair, {"e_sign": 0}, "e_sign = 0 must be -1 or 1"),
         (DoubleHelicalPair, {"mesh_helix": "basis"}, "mesh_helix = 'basis' must be 'pitch' or 'base'"),
         (DoubleHelicalPair, {"support_damping": "none"}, "support_damping = 'none'"),

@@ -55,18 +55,11 @@ class MeshExcitation(Model):
         super().__post_init__()
         owner = type(self).__name__
         counted(f"{owner}: mesh_order", self.mesh_order, MOST_HARMONICS)
-        if self.fluctuation is not None and not isinstance(self.fluctuation, Series):
-            raise ValueError(
-                f"{owner}: fluctuation = {quoted(self.fluctuation)} must be a Series, such as "
-                "Series(cosine=(0.0, 0.1)) for the order 2 of Omega"
-            )
         if self.mesh_order > 1:
             low, high = type(self).default_span
             object.__setattr__(self, "default_span", (low / self.mesh_order, high / self.mesh_order))
             label = rf"$\Omega = \omega_\mathrm{{mesh}} / ({self.mesh_order}\,\omega_n)$ [-]"
             object.__setattr__(self, "labels", {**type(self).labels, "Omega": label})
-        if self.phase not in ("cos", "sin"):
-            raise ValueError(f"{owner}: phase = {self.phase!r} must be 'cos' or 'sin'")
         fields = {field.name for field in dataclasses.fields(self)}  # type: ignore[arg-type]
         for name in ("eps", "e"):
             object.__setattr__(self, name, amplitudes(owner, name, getattr(self, name)))

@@ -11,7 +11,7 @@ import numpy as np
 
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
-from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, Range
+from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, Range, counted
 from hbgear.gears.drawing.geometry import (
     ShaftStiffness,
     base_helix_angle,
@@ -117,18 +117,7 @@ class DoubleHelicalGeometry(MeshExcitation):
         "face_width": r"face width [m]",
         "k_mean": r"$k_\mathrm{mean}$ [N/m]",
         "zeta": r"damping ratio $\zeta$",
-        "k_px": r"$k_{px}$ [N/m]",
-        "k_py": r"$k_{py}$ [N/m]",
-        "k_pz": r"$k_{pz}$ [N/m]",
-        "k_gx": r"$k_{gx}$ [N/m]",
-        "k_gy": r"$k_{gy}$ [N/m]",
-        "k_gz": r"$k_{gz}$ [N/m]",
-        "c_px": r"$c_{px}$ [N s/m]",
-        "c_py": r"$c_{py}$ [N s/m]",
-        "c_pz": r"$c_{pz}$ [N s/m]",
-        "c_gx": r"$c_{gx}$ [N s/m]",
-        "c_gy": r"$c_{gy}$ [N s/m]",
-        "c_gz": r"$c_{gz}$ [N s/m]",
+        **{name: rf"${name[0]}_{{{name[2:]}}}$ [{'N/m' if name[0] == 'k' else 'N s/m'}]" for name in _SUPPORTS},
         "k_pthx": r"$k_{p\theta x}$ [N m/rad]",
         "k_pthy": r"$k_{p\theta y}$ [N m/rad]",
         "k_gthx": r"$k_{g\theta x}$ [N m/rad]",
@@ -173,34 +162,16 @@ class DoubleHelicalGeometry(MeshExcitation):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._check_numbers()
-        self._check_choices()
-
-    def _check_numbers(self) -> None:
         for gear in "pg":
             inner, outer = getattr(self, f"inner_{gear}"), getattr(self, f"outer_{gear}")
             if not inner < outer:
                 raise ValueError(
                     f"DoubleHelicalPair: inner_{gear} = {inner} must be smaller than outer_{gear} = {outer}"
                 )
-
-    def _check_choices(self) -> None:
-        """Raise ValueError for numbers of teeth or choices of fields that are not possible."""
         for name in ("teeth_p", "teeth_g"):
-            teeth = getattr(self, name)
-            if isinstance(teeth, bool) or not isinstance(teeth, int | np.integer) or teeth < 1:
-                raise ValueError(f"DoubleHelicalPair: {name} = {teeth!r} must be a whole number, at least 1")
-        choices = {
-            "e_sign": (-1, 1),
-            "support_damping": ("tabulated", "zeta"),
-            "tilt": (True, False),
-            "mesh_helix": ("pitch", "base"),
-        }
-        for name, allowed in choices.items():
-            if getattr(self, name) not in allowed:
-                raise ValueError(
-                    f"DoubleHelicalPair: {name} = {getattr(self, name)!r} must be {allowed[0]!r} or {allowed[1]!r}"
-                )
+            counted(f"DoubleHelicalPair: {name}", getattr(self, name))
+        if self.e_sign not in (-1, 1):
+            raise ValueError(f"DoubleHelicalPair: e_sign = {self.e_sign!r} must be -1 or 1")
 
     # Geometry and reference quantities
 

@@ -29,7 +29,7 @@ from typing import ClassVar
 import numpy as np
 
 from hbgear.common.arrays import Array
-from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, Range
+from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, Range, counted
 from hbgear.gears.mesh.mesh_excitation import MeshExcitation
 from hbgear.gears.pairs.support import AXES, reactions
 from hbgear.mechanics.laws.mesh_contacts import MeshContacts
@@ -220,8 +220,7 @@ class HelicalPair(MeshExcitation):  # numpydoc ignore=PR02
     def __post_init__(self) -> None:
         super().__post_init__()
         for name in ("teeth_p", "teeth_g"):
-            if getattr(self, name) < 1:
-                raise ValueError(f"HelicalPair: {name} = {getattr(self, name)} must be at least 1")
+            counted(f"HelicalPair: {name}", getattr(self, name))
 
     @property
     def m_c(self) -> float:
