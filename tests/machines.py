@@ -52,6 +52,21 @@ class VanDerPol(hb.mechanics.Law):
         return self.eps * (d**2 - 1) * v, 2 * self.eps * d * v, self.eps * (d**2 - 1)
 
 
+@dataclass(frozen=True)
+class Drag(hb.mechanics.Law):
+    """Damping that varies with the motion: p = c d^2 v + (1 + wave cos(tau)) d + cubic v^3."""
+
+    c: float = 0.3
+    wave: float = 0.0
+    cubic: float = 0.0
+
+    reference = 1.0
+
+    def force(self, d, v, tau):
+        k, square = 1 + self.wave * np.cos(tau), self.c * d * d
+        return square * v + k * d + self.cubic * v**3, 2 * self.c * d * v + k, square + 3 * self.cubic * v * v
+
+
 @hb.mechanics.model
 def van_der_pol(eps: float = 0.2, damping: float = 0.0) -> hb.System:
     """The van der Pol oscillator."""
@@ -80,6 +95,19 @@ def chain(limit: float = 1.0, load: float = 1.0) -> hb.System:
         hb.Element([0.0, 0.0, 1.0], hb.Unilateral(k=1.0, gap=0.25), name="stop"),
     ]
     return hb.System(np.eye(3), 0.02 * K, K, elements, hb.Load(cosine={1: [0.0, load, 0.0]}))
+
+
+def static_node(stop, condensed=False):
+    """Two masses joined by two springs in series, whose node has no mass, or by one spring; a stop at the first one."""
+    a, b = 1.5, 0.7
+    if condensed:
+        k = a * b / (a + b)
+        K = np.array([[1 + k, -k], [-k, 1 + k]])
+        load = hb.Load(cosine={1: [0.2 * a / (a + b), 0.3 + 0.2 * b / (a + b)]})
+        return hb.System(np.eye(2), 0.05 * np.eye(2), K, [hb.Element([1.0, 0.0], stop, name="stop")], load)
+    K = np.array([[1 + a, -a, 0.0], [-a, a + b, -b], [0.0, -b, 1 + b]])
+    element, M = hb.Element([1.0, 0.0, 0.0], stop, name="stop"), np.diag([1.0, 0, 1])
+    return hb.System(M, 0.05 * M, K, [element], hb.Load(cosine={1: [0.0, 0.2, 0.3]}))
 
 
 def state_matrix(M, C, K):

@@ -13,12 +13,13 @@ Each point is a bracketed root along the curve; every iterate is corrected onto 
 the same equations by another method.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
-from cross.shooting import Flow, Line
+from cross.shooting import Flow, Line, state
 from scipy.optimize import brentq
 
+from hbgear import HarmonicBalance
 from hbgear.mechanics.series.fourier import evaluate
 
 STAGES = 10
@@ -372,3 +373,10 @@ TESTS = {
     "PD": lambda orbit: float(np.linalg.det(orbit.Phi + np.eye(len(orbit.y)))),
     "NS": lambda orbit: float(np.prod(_products(orbit.multipliers)).real),
 }
+
+
+def shot(model, span, harmonics, cells):
+    """Return a shooter and its curve over a span, from a motion of the harmonic balance at the first end."""
+    problem, shooter = HarmonicBalance(model, harmonics), Shooter(model, cells=cells)
+    first = shooter.orbit(state(problem, problem.start(span[0]), Omega=span[0]), span[0])
+    return shooter, shooter.curve(replace(first, tangent=-first.tangent), span)

@@ -3,12 +3,10 @@
 x'' + 0.1 x' + f(x) = 0.1 + 0.1 Omega^2 cos(Omega t), half-gap 1
 """
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from cross.shooting import integrate, shoot, state
-from cross.shooting_branch import Shooter
+from cross.shooting_branch import shot
 
 from hbgear import HarmonicBalance, SpurPair, trace
 from hbgear.continuation.switch import switch
@@ -32,15 +30,13 @@ def doubled(curve):
 
 
 @pytest.fixture(scope="module")
-def shot():
-    problem, shooter = HarmonicBalance(PAIR, 20), Shooter(PAIR, cells=24)
-    first = shooter.orbit(state(problem, problem.start(SPAN[0]), Omega=SPAN[0]), SPAN[0])
-    return shooter, shooter.curve(replace(first, tangent=-first.tangent), SPAN)
+def shooting():
+    return shot(PAIR, SPAN, 20, 24)
 
 
 @pytest.fixture(scope="module")
-def shot_doubled(shot):
-    shooter, curve = shot
+def shot_doubled(shooting):
+    shooter, curve = shooting
     other, first = shooter.doubled(next(p for p in curve.special if p.kind == "PD"))
     return other.curve(first, SPAN)
 
@@ -56,9 +52,9 @@ def agree(branch, curve, expected):
 
 
 @pytest.mark.slow
-def test_folds_and_period_doublings_by_both_methods(curve, shot):
+def test_folds_and_period_doublings_by_both_methods(curve, shooting):
     assert curve.status == "reached_end"
-    agree(curve, shot[1], POINTS)
+    agree(curve, shooting[1], POINTS)
 
 
 @pytest.mark.slow

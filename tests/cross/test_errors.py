@@ -5,8 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cross.shooting import state
-from cross.shooting_branch import Shooter
+from cross.shooting_branch import shot
 from cross.test_two_masses import POINTS, SPAN, two_masses
 from machines import gear_pair
 
@@ -26,11 +25,8 @@ STATED = 3.0  # largest ratio of the true to the stated error
 
 def by_shooting(system, span):
     """{label: Omega} of folds, doublings and Neimark-Sacker points, in the order of the curve."""
-    problem, shooter = hb.HarmonicBalance(system, 5), Shooter(system, cells=40)
-    first = shooter.orbit(state(problem, problem.start(span[0]), Omega=span[0]), span[0])
-    curve = shooter.curve(replace(first, tangent=-first.tangent), span)
     count, out = {}, {}
-    for p in curve.special:
+    for p in shot(system, span, 5, 40)[1].special:
         count[p.kind] = count.get(p.kind, 0) + 1
         out[f"{p.kind}{count[p.kind]}"] = p.Omega
     return out

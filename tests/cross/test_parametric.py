@@ -6,12 +6,10 @@ Near Omega = 2 the teeth stay in contact and the motion is on the border of para
 are a continuum there, the branch leaves vertically until contact is first lost.
 """
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from cross.shooting import integrate, state
-from cross.shooting_branch import Shooter
+from cross.shooting_branch import shot
 
 from hbgear import HarmonicBalance, SpurPair, trace
 from hbgear.continuation.switch import switch
@@ -35,15 +33,13 @@ def doubled(curve):
 
 
 @pytest.fixture(scope="module")
-def shot():
-    problem, shooter = HarmonicBalance(PAIR, 10), Shooter(PAIR, cells=24)
-    first = shooter.orbit(state(problem, problem.start(SPAN[0]), Omega=SPAN[0]), SPAN[0])
-    return shooter, shooter.curve(replace(first, tangent=-first.tangent), SPAN)
+def shooting():
+    return shot(PAIR, SPAN, 10, 24)
 
 
 @pytest.fixture(scope="module")
-def shot_doubled(shot):
-    shooter, curve = shot
+def shot_doubled(shooting):
+    shooter, curve = shooting
     other, first = shooter.doubled(next(p for p in curve.special if p.kind == "PD"))
     return other.curve(first, (0.4, 2.6))
 
@@ -66,9 +62,9 @@ def agree(found, truth, expected):
 
 
 @pytest.mark.slow
-def test_folds_and_period_doublings_by_both_methods(curve, shot):
+def test_folds_and_period_doublings_by_both_methods(curve, shooting):
     assert curve.status == "reached_end"
-    agree(places(curve.special), places(shot[1].special), POINTS)
+    agree(places(curve.special), places(shooting[1].special), POINTS)
 
 
 @pytest.mark.slow

@@ -6,12 +6,10 @@ from Omega = 0.8 to 0.5. Sampled forces give hundreds of spurious folds. The sto
 slowly; a fold lies 6e-9 from a grazing contact.
 """
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
-from cross.shooting import integrate, state
-from cross.shooting_branch import Shooter
+from cross.shooting import integrate
+from cross.shooting_branch import shot
 
 from hbgear import Element, HarmonicBalance, Load, StepControl, System, Unilateral, trace
 from hbgear.continuation import FoldProblem
@@ -31,11 +29,9 @@ def two_masses():
 
 
 @pytest.fixture(scope="module")
-def shot():
+def shooting():
     """The curve by shooting."""
-    problem, shooter = HarmonicBalance(two_masses(), 5), Shooter(two_masses(), cells=40)
-    first = shooter.orbit(state(problem, problem.start(SPAN[0]), Omega=SPAN[0]), SPAN[0])
-    return shooter.curve(replace(first, tangent=-first.tangent), SPAN)
+    return shot(two_masses(), SPAN, 5, 40)[1]
 
 
 @pytest.fixture(scope="module")
@@ -68,9 +64,9 @@ def refined(problem, point):
 
 
 @pytest.mark.slow
-def test_shooting_finds_these_points_and_no_others(shot):
-    assert not SPAN[1] <= shot.orbits[-1].Omega
-    found = labelled(shot.special)
+def test_shooting_finds_these_points_and_no_others(shooting):
+    assert not SPAN[1] <= shooting.orbits[-1].Omega
+    found = labelled(shooting.special)
     assert list(found) == list(POINTS)
     np.testing.assert_allclose(list(found.values()), list(POINTS.values()), rtol=0, atol=5e-7)
 
@@ -83,8 +79,8 @@ def test_harmonic_balance_finds_the_same_points_and_no_others(curve):
 
 
 @pytest.mark.slow
-def test_six_digits_by_both_methods(curve, shot):
-    problem, truth = HarmonicBalance(two_masses(), 320), labelled(shot.special)
+def test_six_digits_by_both_methods(curve, shooting):
+    problem, truth = HarmonicBalance(two_masses(), 320), labelled(shooting.special)
     found = {label: refined(problem, curve[label]) for label in POINTS}
     for label, Omega in found.items():
         assert Omega == pytest.approx(truth[label], rel=0, abs=5e-7), label
@@ -103,15 +99,15 @@ def test_grazing(curve):
     assert curve["LP1"].parameters["Omega"] - grazing[0].parameters["Omega"] == pytest.approx(-5.87e-9, rel=0.01)
 
 
-def test_stable_means_stable(curve, shot):
+def test_stable_means_stable(curve, shooting):
     """The number of stability changes along the curve is the same by both methods."""
     changes = [p.label for p in curve.special if p.kind != "GR"]
-    stable = [bool(np.abs(orbit.multipliers).max() < 1) for orbit in shot.orbits]
+    stable = [bool(np.abs(orbit.multipliers).max() < 1) for orbit in shooting.orbits]
     assert np.sum(np.diff(np.array(stable, int)) != 0) == np.sum(np.diff(curve.stable.astype(int)) != 0) <= len(changes)
 
 
-def test_the_two_ways_of_shooting_agree(shot):
-    orbit = min(shot.orbits, key=lambda o: abs(o.Omega - 0.6))
+def test_the_two_ways_of_shooting_agree(shooting):
+    orbit = min(shooting.orbits, key=lambda o: abs(o.Omega - 0.6))
     period = integrate(two_masses(), orbit.Omega, orbit.y)
     assert len(period.instants) > 1
     np.testing.assert_allclose(period.end, orbit.y, rtol=0, atol=1e-9)

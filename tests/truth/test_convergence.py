@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from machines import Drag
 
 from hbgear import Backlash, Cubic, Duffing, Element, HarmonicBalance, Load, SpurPair, System, Unilateral, trace
 from hbgear.continuation.solvers.newton import solve
@@ -70,15 +71,6 @@ def test_a_sampled_law_has_no_folds_of_its_own(samples):
 
 
 # ---- multipliers
-
-
-class Drag(Law):
-    """p = c d^2 v + d: the damping varies with the motion."""
-
-    reference = 1.0
-
-    def force(self, d, v, tau):
-        return 0.3 * d * d * v + d, 0.6 * d * v + 1, 0.3 * d * d
 
 
 def dragged():

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import scipy
 from cross.shooting import integrate, state
-from machines import cantilever, state_matrix
+from machines import Drag, cantilever, state_matrix
 
 from hbgear import Backlash, Cubic, Duffing, Element, HarmonicBalance, Load, SpurPair, System, Unilateral, trace
 from hbgear.continuation.solvers.newton import solve
@@ -25,20 +25,6 @@ from hbgear.mechanics.series.fourier import evaluate
 
 EXCITED = Series(cosine=(0.2, 0.1, 0.05, 0.03, 0.02, 0.01), sine=(0, 0, 0, 0, 0, 0.04))
 """Prescribed displacement with six harmonics."""
-
-
-@dataclass(frozen=True)
-class Drag(Law):
-    """p = c d^2 v + d."""
-
-    c: float = 0.3
-
-    @property
-    def reference(self):
-        return 1.0
-
-    def force(self, d, v, tau):
-        return self.c * d * d * v + d, 2 * self.c * d * v + 1, self.c * d * d
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from machines import static_node
 
 import hbgear as hb
 from hbgear.continuation.solvers.newton import solve
@@ -16,20 +17,6 @@ def maxwell(mass=0.0, direction=(1.0, 0.0), law=STOP):
     K = np.array([[1 + SPRING, -SPRING], [-SPRING, SPRING]])
     element = hb.Element(list(direction), law, name="stop")
     return hb.System(np.diag([1.0, mass]), np.diag([0.02, DAMPER]), K, [element], hb.Load(cosine={1: [0.2, 0.0]}))
-
-
-def static_node(condensed=False):
-    """Return two masses joined by two springs in series, whose node has no mass, or by one spring."""
-    a, b = 1.5, 0.7
-    element = hb.Element([1.0, 0.0] if condensed else [1.0, 0.0, 0.0], STOP, name="stop")
-    load = np.array([0.0, 0.3]) if condensed else np.array([0.0, 0.2, 0.3])
-    if condensed:
-        k = a * b / (a + b)
-        K = np.array([[1 + k, -k], [-k, 1 + k]])
-        load = np.array([0.2 * a / (a + b), 0.3 + 0.2 * b / (a + b)])
-        return hb.System(np.eye(2), 0.05 * np.eye(2), K, [element], hb.Load(cosine={1: load}))
-    K = np.array([[1 + a, -a, 0.0], [-a, a + b, -b], [0.0, -b, 1 + b]])
-    return hb.System(np.diag([1.0, 0, 1]), np.diag([0.05, 0, 0.05]), K, [element], hb.Load(cosine={1: load}))
 
 
 def motion(model, Omega=0.9, H=15):
@@ -87,7 +74,7 @@ def test_multipliers_are_the_limit_of_small_masses(direction):
 
 
 def test_static_nodes_are_those_of_a_condensed_system():
-    (problem, X), (condensed, expected) = motion(static_node()), motion(static_node(condensed=True))
+    (problem, X), (condensed, expected) = motion(static_node(STOP)), motion(static_node(STOP, condensed=True))
     np.testing.assert_allclose(X, expected, rtol=0, atol=1e-12)
     q, r = problem.motion(X, Omega=0.9), condensed.motion(expected, Omega=0.9)
     np.testing.assert_allclose(q[[0, 2]], r, rtol=0, atol=1e-12)
@@ -136,7 +123,7 @@ def test_the_backbone_of_a_maxwell_element_is_the_limit_of_small_masses():
 
 @pytest.mark.parametrize("mode", [1, 2])
 def test_the_backbone_of_a_static_node_is_that_of_the_condensed_system(mode):
-    a, b = (hb.analysis.backbone(static_node(c), mode=mode, span=(0.01, 1.0), harmonics=7) for c in (False, True))
+    a, b = (hb.analysis.backbone(static_node(STOP, c), mode=mode, span=(0.01, 1.0), harmonics=7) for c in (False, True))
     assert a.status.complete and len(a) == len(b)
     for name in ("Omega", "modal_damping"):
         np.testing.assert_allclose(a.tracked[name], b.tracked[name], rtol=0, atol=1e-10)

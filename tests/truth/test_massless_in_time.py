@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 import scipy
+from machines import static_node
 from scipy.integrate import solve_ivp
 
 import hbgear as hb
@@ -102,19 +103,6 @@ def test_a_damper_and_a_spring_alone_relax_by_their_closed_form():
     np.testing.assert_allclose(motion.v[0], (1j * OMEGA * wave).real - rate * rest, rtol=0, atol=1e-9)
 
 
-def static_node(condensed=False):
-    """Return two masses joined by two springs in series, whose node has no mass, or by one spring."""
-    a, b = 1.5, 0.7
-    if condensed:
-        k = a * b / (a + b)
-        K = np.array([[1 + k, -k], [-k, 1 + k]])
-        load = hb.Load(cosine={1: [0.2 * a / (a + b), 0.3 + 0.2 * b / (a + b)]})
-        return hb.System(np.eye(2), 0.05 * np.eye(2), K, [hb.Element([1.0, 0.0], STOP)], load)
-    K = np.array([[1 + a, -a, 0.0], [-a, a + b, -b], [0.0, -b, 1 + b]])
-    element, M = hb.Element([1.0, 0.0, 0.0], STOP), np.diag([1.0, 0, 1])
-    return hb.System(M, 0.05 * M, K, [element], hb.Load(cosine={1: [0.0, 0.2, 0.3]}))
-
-
 def turned(model):
     """Return a model in other coordinates q = Q r, with the matrix Q."""
     Q = np.linalg.qr(np.random.default_rng(1).standard_normal((model.n, model.n)))[0]
@@ -131,13 +119,13 @@ def sparse(model):
 @pytest.mark.parametrize("method", ["DOP853", "exponential"])
 @pytest.mark.parametrize("form", ["as it is", "sparse", "turned"])
 def test_static_nodes_follow_as_in_the_condensed_system(method, form):
-    model, Q = turned(static_node()) if form == "turned" else (static_node(), np.eye(3))
+    model, Q = turned(static_node(STOP)) if form == "turned" else (static_node(STOP), np.eye(3))
     model = sparse(model) if form == "sparse" else model
     start = np.array([0.1, 0.0, -0.2, 0.3, 0.0, 0.1])
     other = start[[0, 2, 3, 5]]
     y = np.concatenate([Q.T @ start[:3], Q.T @ start[3:]])
     found = hb.time.integrate(model, y, 3, OMEGA, method=method)
-    expected = hb.time.integrate(static_node(condensed=True), other, 3, OMEGA, method=method)
+    expected = hb.time.integrate(static_node(STOP, condensed=True), other, 3, OMEGA, method=method)
     end = np.concatenate([Q @ found.end[:3], Q @ found.end[3:]])
     np.testing.assert_allclose(found.d, expected.d, rtol=0, atol=1e-10)
     np.testing.assert_allclose(end[[0, 2, 3, 5]], expected.end, rtol=0, atol=1e-10)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from machines import Drag
 
 from hbgear import (
     Backlash,
@@ -22,26 +23,11 @@ from hbgear import (
 from hbgear.gears import DoubleHelicalPair
 from hbgear.harmonic.equations import discretization
 from hbgear.harmonic.equations.thresholds import grazing_distance
-from hbgear.mechanics import Law, Model, Series
+from hbgear.mechanics import Model, Series
 from hbgear.mechanics.series.fourier import derive, evaluate, stretch, to_complex, to_real
 
 OMEGA = 0.83
 TAU = 2 * np.pi * np.arange(256) / 256
-
-
-@dataclass(frozen=True)
-class Drag(Law):
-    """A law of displacement, velocity and phase: p = c d^2 v + (1 + cos(tau) / 2) d + v^3 / 10."""
-
-    c: float = 0.3
-
-    @property
-    def reference(self):
-        return 1.0
-
-    def force(self, d, v, tau):
-        k = 1 + 0.5 * np.cos(tau)
-        return self.c * d * d * v + k * d + 0.1 * v**3, 2 * self.c * d * v + k, self.c * d * d + 0.3 * v * v
 
 
 def three_masses():
@@ -50,7 +36,7 @@ def three_masses():
     elements = [
         Element([1.0, -1.0, 0.0], gap, Series(cosine=(0.1,), sine=(0.0, 0.05)), damping=0.1),
         Element([0.0, 1.0, 1.0], Cubic(0.3, 0.2)),
-        Element([0.0, 0.0, 1.0], Drag()),
+        Element([0.0, 0.0, 1.0], Drag(wave=0.5, cubic=0.1)),
     ]
     loads = [Load([0.1, 0.2, -0.1], {1: [0.3, 0, 0]}), Load(sine={2: [0, 0.1, 0.1]}, power=2)]
     K = [[1.0, -0.3, 0.0], [-0.3, 1.2, -0.2], [0.0, -0.2, 0.8]]

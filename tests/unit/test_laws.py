@@ -1,30 +1,14 @@
 """Force laws: values, derivatives, corners."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import pytest
+from machines import Drag
 
 from hbgear import Backlash, Cubic, Unilateral
-from hbgear.mechanics import Law, Parallel, PiecewiseLinear, Series
+from hbgear.mechanics import Parallel, PiecewiseLinear, Series
 
 WAVY = Series(mean=1.0, cosine=(-0.2, 0.05), sine=(0.1,))
 ONE = np.ones(1)
-
-
-@dataclass(frozen=True)
-class SquareDrag(Law):
-    """A law that depends on the velocity: p = c d^2 v + d (1 + cos(tau) / 2)."""
-
-    c: float = 0.3
-
-    @property
-    def reference(self):
-        return 1.0
-
-    def force(self, d, v, tau):
-        k = 1 + 0.5 * np.cos(tau)
-        return self.c * d * d * v + k * d, 2 * self.c * d * v + k, self.c * d * d
 
 
 LAWS = {
@@ -35,8 +19,8 @@ LAWS = {
     "unilateral": Unilateral(1.5, 0.3, WAVY),
     "preloaded": Unilateral(1.5, -0.3),
     "three stages": PiecewiseLinear((-1.0, 0.2, 0.9), (0.5, 1.0, 0.2, 3.0), 0.4, WAVY),
-    "parallel": Parallel((Cubic(0.4), Backlash(0.5, 3.0, WAVY), SquareDrag())),
-    "drag": SquareDrag(),
+    "parallel": Parallel((Cubic(0.4), Backlash(0.5, 3.0, WAVY), Drag(wave=0.5))),
+    "drag": Drag(wave=0.5),
 }
 
 

@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 from cross.shooting import integrate as integrate_otherwise
+from machines import Drag
 
 from hbgear import Backlash, Cubic, Duffing, Element, HarmonicBalance, Load, NoConvergence, SpurPair, System, Unilateral
 from hbgear.gears import DoubleHelicalPair
 from hbgear.harmonic.structure.linear_structure import LinearStructure
-from hbgear.mechanics import Law, Parallel
+from hbgear.mechanics import Parallel
 from hbgear.time.exponential.integrator import ExponentialIntegrator
 from hbgear.time.exponential.modal_states import modal_state, physical_state
 from hbgear.time.integration import integrate, state_of
@@ -157,18 +158,10 @@ def test_samples_are_the_motion():
 # ---- general laws
 
 
-class Drag(Law):
-    """p = d + 0.3 d^2 v + 0.2 cos(tau) d."""
-
-    reference = 1.0
-
-    def force(self, d, v, tau):
-        k = 1 + 0.2 * np.cos(tau)
-        return k * d + 0.3 * d * d * v, k + 0.6 * d * v, 0.3 * d * d
-
-
 @pytest.mark.parametrize(
-    "law", [Drag(), Parallel((Backlash(0.5), Cubic(0.2))), Cubic(1.0, -1.0)], ids=["velocity", "corners", "double well"]
+    "law",
+    [Drag(wave=0.2), Parallel((Backlash(0.5), Cubic(0.2))), Cubic(1.0, -1.0)],
+    ids=["velocity", "corners", "double well"],
 )
 def test_laws_of_any_kind(law):
     system = System([[1.0]], [[0.05]], [[0.1]], [Element([1.0], law)], Load([0.3], {1: [0.7]}))
