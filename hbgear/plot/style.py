@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from hbgear.analysis.quantities.length_units import in_figure
 from hbgear.common.argument_checks import checked_arguments
+from hbgear.common.arrays import Array
 from hbgear.common.atomic_write import atomic_write
 from hbgear.common.text.messages import quoted
 from hbgear.continuation.events.event import Event
@@ -377,6 +378,16 @@ def dress_with_speeds(ax: Axes, units: dict[str, float]) -> None:
     dress(ax)
     if scaled_axes(ax, units):
         heighten(ax)
+
+
+MAX_VECTOR_DOTS = 1000
+"""Largest number of dots of one set that is drawn as vectors; larger sets are drawn as pixels."""
+
+
+def dots(ax: Axes, x: Array, y: Array, colour: str, size: float, label: str, **style: Any) -> None:
+    """Draw dots of a diameter [pt]."""
+    style = {"markeredgewidth": 0, "gid": label, "rasterized": len(x) > MAX_VECTOR_DOTS, **style}
+    ax.plot(x, y, "o", color=colour, markersize=size, label=label, **style)
 
 
 def gap_label(layout: Layout | None, element: int | str) -> str:

@@ -32,20 +32,26 @@ from hbgear.mechanics.series import measures
 from hbgear.time.exponential.integrator import ExponentialIntegrator
 from hbgear.time.exponential.modal_states import StateBatch
 from hbgear.time.observation import HARMONICS, Observation, observe
-from hbgear.time.steady_state import FEWEST, OBSERVED, WINDOW, Settled, SteadyStateSettings, disturbed, lyapunov, settle
+from hbgear.time.steady_state import (
+    FEWEST,
+    MIN_CHAOTIC_GROWTH,
+    OBSERVED,
+    WINDOW,
+    Settled,
+    SteadyStateSettings,
+    disturbed,
+    lyapunov,
+    settle,
+)
 
 _PERIODS_BEFORE_LYAPUNOV = 400
 """Number of excitation periods [-] after which a motion that has not settled is tested for chaos."""
-
-_MIN_CHAOTIC_GROWTH = 0.02
-"""Logarithmic growth of a disturbance per period [-] above which a motion is chaotic."""
 
 _MIN_JUMP = 0.02
 """Smallest change of rms or pp2 between neighbouring values, relative to the largest so far [-], that may be a jump."""
 
 _MIN_JUMP_APERIODIC = 0.2
 """The same threshold [-] if a motion is not periodic, because its amplitude fluctuates."""
-
 
 _ADVICE = "motions up to there are kept; sweep the other values from the last state: start=sweep.states[-1]"
 """Recommended action for a sweep that is not complete."""
@@ -181,6 +187,13 @@ class Sweep:
             names = ", ".join(measures.BUILT_IN_MEASURES)
             raise ValueError(f"a sweep has no measure '{measure}': time integration records {names}, H1, H2, ...")
         return measures.measure(measure, self.rows[:, j])
+
+    def section_points(self, rows: np.ndarray, element: int | str = 0, rate: bool = False) -> tuple[Array, Array]:
+        """Return parameter values and displacements, or rates, of all Poincare points of some motions."""
+        j = self.index(element)
+        heights = [self.points[i][:, j, int(rate)] for i in rows]
+        counts = np.array([len(height) for height in heights], dtype=int)
+        return np.repeat(self.values[rows], counts), np.concatenate([np.empty(0), *heights])
 
     def export(self, path: str | os.PathLike[str]) -> None:
         """Write a table of the values (.csv) by an atomic replacement of the file."""
@@ -403,7 +416,7 @@ class _Sweeper:
         if result.period[0]:
             return result, np.nan
         exponent = lyapunov(integrator, motions)
-        if first == longest or exponent * 2 * np.pi / integrator.Omega[0] > _MIN_CHAOTIC_GROWTH:
+        if first == longest or exponent * 2 * np.pi / integrator.Omega[0] > MIN_CHAOTIC_GROWTH:
             return result, exponent
         result = settled(longest - first)
         result = replace(result, integrated_periods=result.integrated_periods + first)

@@ -35,6 +35,9 @@ FEWEST = 2 * WINDOW + 4
 OBSERVED = 128
 """Number of excitation periods over which amplitudes of a motion that is not periodic are evaluated [-]."""
 
+MIN_CHAOTIC_GROWTH = 0.02
+"""Logarithmic growth of a disturbance per period [-] above which a motion is chaotic."""
+
 _MAX_STORED_NUMBERS = 2**19
 """Largest number of entries [-] of the stored states; they then stay in the cache of the processor."""
 

@@ -19,8 +19,7 @@ from hbgear.mechanics.series.fourier import evaluate
 from hbgear.mechanics.series.measures import axis_text
 from hbgear.plot.branch_sections import sections
 from hbgear.plot.curves import response
-from hbgear.plot.simulations.simulation import dots, section_points
-from hbgear.plot.style import GREY, add_legend, axes_or_new, dress_with_speeds, styled
+from hbgear.plot.style import GREY, add_legend, axes_or_new, dots, dress_with_speeds, styled
 from hbgear.time.attractors.bifurcation_diagram import BifurcationDiagram
 from hbgear.time.attractors.verdicts import Verdict
 from hbgear.time.frequency_sweep import Sweep
@@ -160,7 +159,7 @@ def _dots(sweep: Sweep, selected: np.ndarray, measure: str, element: int | str, 
     rows = np.flatnonzero(selected)
     if measure:
         return sweep.values[rows], sweep.amplitude(measure, element)[rows]
-    return section_points(sweep, rows, element, rate)
+    return sweep.section_points(rows, element, rate)
 
 
 def _section_lines(ax: Axes, curve: Branch, element: int | str, rate: bool, scale: float, factor: float) -> None:

@@ -19,7 +19,6 @@ from hbgear.analysis.quantities.length_units import (
     in_micrometres,
 )
 from hbgear.common.argument_checks import checked_arguments
-from hbgear.common.arrays import Array
 from hbgear.continuation.results.branch import Branch
 from hbgear.harmonic.models.frequency_units import length_scale, model_of, scales
 from hbgear.mechanics.models import Model
@@ -30,6 +29,7 @@ from hbgear.plot.style import (
     GREY,
     add_legend,
     axes_or_new,
+    dots,
     dress,
     dress_with_speeds,
     new_figure,
@@ -63,10 +63,6 @@ SYMBOLS = "os^DvP*h"
 
 REFINED = "agrees with more harmonics"
 """Legend entry of validated points that agree only with more harmonics."""
-
-
-MAX_VECTOR_DOTS = 1000
-"""Largest number of dots of one set that is drawn as vectors; larger sets are drawn as pixels."""
 
 
 @checked_arguments()
@@ -266,7 +262,7 @@ def bifurcation(
             for selected, size, label in ((s.settled, 2.0, name), (~s.settled, 0.9, f"{name}, not periodic")):
                 if not selected.any():
                     continue
-                x, y = section_points(s, np.flatnonzero(selected), element, rate)
+                x, y = s.section_points(np.flatnonzero(selected), element, rate)
                 dots(ax, abscissa.scale * x, factor * y, colour, size, label)
         s = found[0]
         ax.set_xlabel(abscissa.label)
@@ -278,20 +274,6 @@ def bifurcation(
         if len(found) > 1:
             ax.legend(loc="best", markerscale=3)
     return ax
-
-
-def section_points(sweep: Sweep, rows: Any, element: int | str, rate: bool) -> tuple[Array, Array]:
-    """Return parameter values and coordinates, or rates, of the Poincare points of some motions of a sweep."""
-    j = sweep.index(element)
-    heights = [sweep.points[i][:, j, int(rate)] for i in rows]
-    counts = np.array([len(height) for height in heights], dtype=int)
-    return np.repeat(sweep.values[rows], counts), np.concatenate([np.empty(0), *heights])
-
-
-def dots(ax: Axes, x: Array, y: Array, colour: str, size: float, label: str, **style: Any) -> None:
-    """Draw dots of a diameter [pt]; large sets are drawn as pixels."""
-    style = {"markeredgewidth": 0, "gid": label, "rasterized": len(x) > MAX_VECTOR_DOTS, **style}
-    ax.plot(x, y, "o", color=colour, markersize=size, label=label, **style)
 
 
 @checked_arguments()

@@ -31,6 +31,7 @@ from hbgear.common.arrays import Array
 from hbgear.harmonic.autonomous.tori.stability import birkhoff_weights
 from hbgear.time.exponential.integrator import ExponentialIntegrator
 from hbgear.time.exponential.modal_states import StateBatch
+from hbgear.time.steady_state import MIN_CHAOTIC_GROWTH
 
 AVERAGED = 1000
 """Number of excitation periods of each of the two averages [-]. Tori of two masses have 9 to 13 equal digits, chaotic
@@ -38,9 +39,6 @@ Duffing oscillators 1 to 2."""
 
 MIN_EQUAL_DIGITS = 4.0
 """Number of equal digits [-] from which a motion is regular."""
-
-MIN_CHAOTIC_GROWTH = 0.02
-"""Logarithmic growth of a disturbance per period [-] above which a motion is chaotic."""
 
 _MAX_CHANGE_OF_RETURNS = 0.1
 """Relative change of the mean distance of returns between two sections [-] above which a motion is still transient."""
