@@ -123,21 +123,12 @@ def response(
 
     if color is not None and not is_color_like(color):
         raise ValueError(f"there is no colour {quoted(color)}; give one that Matplotlib knows, such as 'tab:blue'")
+    options: Any = {"legend": legend, "speeds": speeds, "dof": dof, "dimensionless": dimensionless}
     if branch.others and special and jumps and color is None and label is None:
-        return responses(
-            branch.curves, measure, element, ax, legend=legend, speeds=speeds, dof=dof, dimensionless=dimensionless
-        )
+        return responses(branch.curves, measure, element, ax, **options)
     if kind_of(branch) != "periodic":
-        return with_other_kinds(
-            responses,
-            [branch],
-            measure,
-            element,
-            ax,
-            names=[label] if label else None,
-            legend=legend,
-            dimensionless=dimensionless,
-        )
+        names = [label] if label else None
+        return with_other_kinds(responses, [branch], measure, element, ax, names=names, **options)
     height = Ordinate(measure or usual_measure(branch, dimensionless, element), element, dof, dimensionless)
     branch = height.prepared(branch)
     abscissa = Abscissa([branch], dimensionless)
@@ -238,23 +229,11 @@ def responses(
         raise ValueError("no branch to draw")
     if names is not None and len(names) != len(branches):
         raise ValueError(f"{len(names)} names for {len(branches)} branches; give one for each")
+    options: Any = {"legend": legend, "speeds": speeds, "dof": dof, "dimensionless": dimensionless}
     if any(kind_of(branch) != "periodic" for branch in branches):
-        return with_other_kinds(
-            responses,
-            branches,
-            measure,
-            element,
-            ax,
-            names=names,
-            legend=legend,
-            speeds=speeds,
-            dof=dof,
-            dimensionless=dimensionless,
-        )
+        return with_other_kinds(responses, branches, measure, element, ax, names=names, **options)
     if len(branches) == 1:
-        return response(
-            branches[0], measure, element, ax, legend=legend, speeds=speeds, dof=dof, dimensionless=dimensionless
-        )
+        return response(branches[0], measure, element, ax, **options)
     is_new, is_empty, abscissa = ax is None, ax is None or not ax.has_data(), Abscissa(branches, dimensionless)
     dimensionless = dimensionless or not same_unit_of_amplitude(branches)
     height = Ordinate(measure or usual_measure(branches[0], dimensionless, element), element, dof, dimensionless)

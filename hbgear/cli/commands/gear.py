@@ -26,7 +26,7 @@ from hbgear.cli.machine_report import gear_tables
 from hbgear.cli.machine_report.assumptions import (
     JUMPS,
     NO_RELIEF,
-    alternative_results,
+    alternative_row,
     alternatives,
     factor_and_jumps,
     print_assumptions,
@@ -339,14 +339,11 @@ def _trace_and_report(
     model = machine.model()
     curve = traced(hb.HarmonicBalance(model, count), "Omega", model.default_span)
 
-    def alternative(assumption: tuple[str, Callable[[], DrawnPair]], stop: Event) -> list[str]:
-        name, changed = assumption
-        return [name, *alternative_results(changed().equations, model.equations, curve, count, stop)]
-
     works: list[Callable[[Event], Any]] = []
     if model.mesh_order == 1 and not interrupted(curve):  # otherwise each curve takes minutes
         works = [partial(subharmonics, model, curve, count)]
-        works += [partial(alternative, assumption) for assumption in alternatives(model, by_default)]
+        row = partial(alternative_row, model, curve, count, None)
+        works += [partial(row, assumption) for assumption in alternatives(model, by_default)]
     with without_relief_warning(), begun(lambda work, stop: work(stop), works) as results, outputs() as out:
         out.write(output, lambda path: write_machine(machine, path, ("A gear pair; see hbgear trace, hbgear speed.",)))
         loaded = cycle if machine.torque >= 0 else cycle.mirrored(mirror_phase(machine.pair))

@@ -62,29 +62,30 @@ def until(stop: Event) -> Callable[[hb.continuation.Progress], None]:
     return ends
 
 
-def alternative_results(
-    changed: hb.mechanics.Model,
-    model: hb.mechanics.Model,
+def alternative_row(
+    model: DrawnPair,
     curve: hb.Branch,
     count: Any,
+    speeds: tuple[float, float] | None,
+    assumption: tuple[str, Callable[[], DrawnPair]],
     stop: Event,
-    speeds: tuple[float, float] | None = None,
-) -> tuple[str, str]:
-    """Return `factor_and_jumps` of a changed model, in a range of speeds [r/min] or in the usual range of Omega.
+) -> list[str]:
+    """Return the name of another assumption and its `factor_and_jumps`, in a range of speeds [r/min] or of the curve.
 
     The curve is reused if the model differs in scales only, and no range is given.
     """
+    name, changed = assumption[0], assumption[1]().equations
     is_reusable = (
         speeds is None
         and hasattr(changed, "reference")
-        and changed.replace(reference=getattr(model, "reference", ())) == model
+        and changed.replace(reference=getattr(model.equations, "reference", ())) == model.equations
     )
     if not is_reusable:
         problem, unit = hb.HarmonicBalance(changed, count), float(scales_of(changed).pinion_speed(1.0))
         ends = () if speeds is None else (speeds[0] / unit, speeds[1] / unit)
         span = with_default_span(changed, ends)
         curve = hb.trace(problem, "Omega", span, steps=LONG_STEPS, accuracy=None, progress=until(stop))
-    return factor_and_jumps(changed, curve, speeds)
+    return [name, *factor_and_jumps(changed, curve, speeds)]
 
 
 def with_default_span(model: hb.mechanics.Model, ends: Sequence[float]) -> tuple[float, float]:
@@ -163,11 +164,7 @@ def show_assumptions(model: DrawnPair, curve: hb.Branch, count: int | str, shown
 
     Without ``shown`` it is that of the curve. ``count`` are the harmonics of the other curves.
     """
-
-    def row(assumption: tuple[str, Callable[[], DrawnPair]], stop: Event) -> list[str]:
-        name, changed = assumption
-        return [name, *alternative_results(changed().equations, model.equations, curve, count, stop, shown)]
-
+    row = partial(alternative_row, model, curve, count, shown)
     with without_relief_warning(), begun(row, [*alternatives(model)]) as results:
         rows = [["as computed", *factor_and_jumps(model, curve, shown)], *(future.result() for future in results)]
     print_assumptions(rows)

@@ -72,13 +72,7 @@ def train(machine: Train, ax: Axes | None = None) -> Axes:
         for name, wheel in wheels.items():
             _wheel(ax, wheel, centres[name], size[name], float(motion.speeds[name]))
         _names(ax, wheels, centres, size)
-        ax.set_aspect("equal")
-        ax.set_xlabel("x [mm]")
-        ax.set_ylabel("y [mm]")
-        ax.margins(0.08)
-        dress(ax)
-        handles = legend_handles(ax.lines)
-        ax.legend(handles.values(), handles.keys(), loc="upper center", bbox_to_anchor=(0.5, -0.15), ncols=2)
+        _finish(ax, -0.15)
     return ax
 
 
@@ -145,14 +139,18 @@ def planetary(machine: PlanetarySet, ax: Axes | None = None) -> Axes:
         ):
             _arrow(ax, np.zeros(2), r, speeds[name], angle, free if name == "carrier" else 1.2)
         ax.set_title(f"{machine.phasing}; lag of the meshes with sun | ring [cycles]", fontsize=9)
-        ax.set_aspect("equal")
-        ax.set_xlabel("x [mm]")
-        ax.set_ylabel("y [mm]")
-        ax.margins(0.08)
-        dress(ax)
-        handles = legend_handles(ax.lines)
-        ax.legend(handles.values(), handles.keys(), loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=2)
+        _finish(ax, -0.13)
     return ax
+
+
+def _finish(ax: Axes, y: float) -> None:
+    """Set equal scales, axis labels, and a legend at the height y below the axes."""
+    ax.set_aspect("equal")
+    ax.set(xlabel="x [mm]", ylabel="y [mm]")
+    ax.margins(0.08)
+    dress(ax)
+    handles = legend_handles(ax.lines)
+    ax.legend(handles.values(), handles.keys(), loc="upper center", bbox_to_anchor=(0.5, y), ncols=2)
 
 
 def _role(machine: PlanetarySet, name: str) -> str:
