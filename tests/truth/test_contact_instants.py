@@ -598,6 +598,23 @@ def test_a_doubled_branch_joins_where_its_parameter_turns() -> None:
 
 
 @pytest.mark.slow
+def test_multipliers_of_a_very_hard_stop_are_those_at_its_contact_instants() -> None:
+    """Product of the closed-form flows of x'' + c x' + K x = 0 between the instants, for k = 1e5."""
+    curve = hb.trace(hb.ContactInstants(stop(1e5)), "Omega", (0.5, 2.2), cover=False)
+    errors = []
+    for point, state in zip(curve, curve.problem.known_states.states, strict=True):
+        durations, P = state.iterate.durations(2 * math.pi) / state.value, np.eye(2)
+        for duration, contact in zip(durations, state.pattern.contacts, strict=True):
+            K, c = 1.0 + 1e5 * contact.levels[0], 0.1
+            w = math.sqrt(K - c**2 / 4)
+            C, S = math.cos(w * duration), math.sin(w * duration) / w
+            P = math.exp(-c / 2 * duration) * np.array([[C + c / 2 * S, S], [-K * S, C - c / 2 * S]]) @ P
+        mu = np.linalg.eigvals(P)
+        errors.append(np.abs(np.sort_complex(mu) - np.sort_complex(point.multipliers)).max() / np.abs(mu).max())
+    assert len(errors) > 100 and max(errors) < 1e-8
+
+
+@pytest.mark.slow
 def test_multipliers_of_a_motion_have_no_truncation_error() -> None:
     """Sixteen harmonics of a motion next to a fold are enough to find it, but not for its multipliers."""
     from tests.cross.test_neimark_sacker import between_stops

@@ -30,11 +30,11 @@ MAX_CORRECTOR_ITERATIONS = 13
 """Largest number of corrector iterations; a good prediction needs two to four."""
 
 CORRECTOR_TOLERANCE = 1e-7
-"""Scaled size of a Newton step after which the next one is the last: its size is 1e-13 or less on the curves of hard
-stops, so that the multipliers, which are computed at the state before this step, agree with the point."""
+"""Scaled size of a Newton step after which the next one is the last."""
 
-MAX_FINAL_STEP = 1e-10
-"""Scaled size of the last step: the linearised equations of a point differ from its state by this distance."""
+MAX_FINAL_STEP, NEGLIGIBLE_STEP = 1e-10, 1e-13
+"""Scaled size of the last step, and the size up to which the flows before this step are those of the point. Multipliers
+of a stop of k = 1e5 change by 2e-7 in a step of 1e-10."""
 
 PARAMETER_STEP = 1e-6
 """Relative finite-difference step of the parameter: truncation and rounding error are both near 1e-10."""
@@ -184,7 +184,10 @@ def solve_in_plane(
         if not np.isfinite(size) or size > 1e3:
             break
         if last_size <= CORRECTOR_TOLERANCE and size <= MAX_FINAL_STEP:
-            return z + step, linearised, bordered[:-k].copy(), iteration
+            z = z + step
+            if size > NEGLIGIBLE_STEP:
+                linearised = linearise(equations(z[-k:]), guess.with_z(z[: len(guess.z)]).iterate)
+            return z, linearised, bordered[:-k].copy(), iteration
         factor = step_factor(state, step[: len(guess.z)], ode.period)
         z, last_size = z + factor * step, size if factor == 1.0 else math.inf
         distance += factor * size
