@@ -11,6 +11,12 @@ import hbgear as hb
 Ratio = Annotated[float, "over the critical one"]
 
 
+def single_mass(law, F=None, mean=None, c=0.1, k=1.0, **element):
+    """A unit mass on a damper and a spring, with a law; ``mean`` + F cos(tau) acts on it."""
+    load = hb.Load(None if mean is None else [mean], {} if F is None else {1: [F]})
+    return hb.System(np.eye(1), None if c is None else [[c]], [[k]], [hb.Element([1.0], law, **element)], load)
+
+
 def system(zeta, F):
     """The Duffing oscillator of hbgear, as a user would write it."""
     spring = hb.Element([1.0], hb.Cubic(0.1), name="x")

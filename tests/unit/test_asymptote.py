@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from machines import single_mass
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 from scipy.special import ellipe, ellipk
@@ -89,8 +90,7 @@ def test_it_is_seen_in_another_parameter_too():
 @pytest.mark.parametrize(("H", "error"), [(10, 1e-6), (20, 5e-8), (40, 2e-9)])
 def test_a_stop_without_damping_leads_to_the_frequency_of_the_bilinear_oscillator(H, error):
     """Far out the gap is nothing: half a period at each stiffness, Omega = 2 w1 w2 / (w1 + w2)."""
-    stop = hb.Element([1.0], hb.Unilateral(k=3.0, gap=0.5))
-    curve = traced(hb.System([[1.0]], None, [[1.0]], [stop], hb.Load(cosine={1: [0.1]})), H, (0.8, 1.8))
+    curve = traced(single_mass(hb.Unilateral(k=3.0, gap=0.5), F=0.1, c=None), H, (0.8, 1.8))
     assert curve.status is Status.UNBOUNDED
     assert curve.asymptotes["last"] == pytest.approx(4 / 3, abs=error)
 
@@ -106,7 +106,7 @@ class Soft(hb.mechanics.Law):
 
 
 def test_a_law_of_the_user_is_sampled_at_large_displacements():
-    machine = hb.System([[1.0]], None, [[0.2]], [hb.Element([1.0], Soft())], hb.Load(cosine={1: [0.3]}))
+    machine = single_mass(Soft(), F=0.3, c=None, k=0.2)
     curve = traced(machine, 7, (0.3, 1.5))
     assert curve.status is Status.UNBOUNDED and curve.asymptotes["last"] == pytest.approx(1.2**0.5, abs=1e-10)
 
@@ -147,7 +147,7 @@ class Touchy(hb.mechanics.Law):
 
 
 def test_a_law_that_refuses_large_displacements_stops_no_trace():
-    machine = hb.System([[1.0]], None, [[0.2]], [hb.Element([1.0], Touchy(1.0))], hb.Load(cosine={1: [0.3]}))
+    machine = single_mass(Touchy(1.0), F=0.3, c=None, k=0.2)
     curve = traced(machine, 3, (0.3, 1.5), steps=hb.StepControl(max_points=150))
     assert curve.status is Status.MAX_POINTS and not curve.asymptotes
 
@@ -297,8 +297,7 @@ def test_recession_of_laws():
 
 def test_the_reach_of_a_slider_is_a_length_of_the_model():
     """Motions below ten times limit / k are not far larger than all lengths."""
-    slider = hb.Element([1.0], hb.mechanics.Jenkins(k=2.0, limit=1.0))
-    system = hb.System([[1.0]], [[0.1]], [[1.0]], [slider], hb.Load(cosine={1: [0.3]}))
+    system = single_mass(hb.mechanics.Jenkins(k=2.0, limit=1.0), F=0.3)
     problem = hb.HarmonicBalance(system, 2)
     small, large = ([0.0, A, 0.0, 0.0, 0.0] for A in (4.9, 5.1))
     assert longest(system) == 0.5 and problem.recession(np.array(small), {}) is None

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from machines import Drag
+from machines import Drag, single_mass
 
 from hbgear import (
     Backlash,
@@ -339,8 +339,7 @@ def test_a_start_that_only_another_frequency_leads_to():
 
 def test_start_without_any_periodic_motion():
     """A load that opens the gap without bound raises NoConvergence with X, residuals and parameters."""
-    gap = Element([1.0], Unilateral(1.0, 0.0), damping=0.1)
-    problem = HarmonicBalance(System([[1.0]], None, [[0.0]], [gap], Load([-0.1], {1: [0.1]})), 3)
+    problem = HarmonicBalance(single_mass(Unilateral(1.0, 0.0), F=0.1, mean=-0.1, c=None, k=0.0, damping=0.1), 3)
     with pytest.raises(NoConvergence, match="singular") as caught:
         problem.start(0.9)
     assert caught.value.X.shape == (7,) and caught.value.residuals and caught.value.parameters == {"Omega": 0.9}

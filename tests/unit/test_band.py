@@ -3,6 +3,7 @@
 import matplotlib
 import numpy as np
 import pytest
+from machines import single_mass
 
 import hbgear as hb
 
@@ -216,8 +217,7 @@ def test_axes_end_above_the_bounded_part_of_a_curve_that_grows_without_bound():
 @hb.mechanics.model
 def stopped(F: float = 0.3, gap: float = 0.5, c: float = 0.1) -> hb.System:
     """One mass and a hard stop."""
-    stop = hb.Element([1.0], hb.Unilateral(k=1e3, gap=gap), name="stop")
-    return hb.System([[1.0]], [[c]], [[1.0]], [stop], hb.Load(cosine={1: [F]}))
+    return single_mass(hb.Unilateral(k=1e3, gap=gap), F=F, c=c, name="stop")
 
 
 @pytest.mark.slow

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from machines import single_mass
 
 import hbgear as hb
 from hbgear.common.process.checksums import DamagedFileError, read_parts, write_parts
@@ -292,16 +293,12 @@ def test_a_program_that_is_not_the_command_starts_no_process(tmp_path):
     assert files(tmp_path) == {}
 
 
-def one_mass(law):
-    return hb.System([[1.0]], [[0.1]], [[1.0]], [hb.Element([1.0], law)], hb.Load(cosine={1: [0.3]}))
-
-
 @pytest.mark.parametrize(
     "model, sizes",
     [
         (hb.SpurPair(), None),
         (hb.SpurPair(stiffness=hb.mechanics.Periodic.rectangular(1.2, 0.8, 0.3)), (2, 0, 0)),
-        (one_mass(hb.mechanics.Jenkins(k=1.0, limit=0.5)), (0, 0, 1)),
+        (single_mass(hb.mechanics.Jenkins(k=1.0, limit=0.5), F=0.3), (0, 0, 1)),
     ],
 )
 def test_kernels_know_two_types_of_models(model, sizes):

@@ -4,9 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from machines import single_mass
 from scipy.optimize import brentq
 
-from hbgear import Backlash, Cubic, Element, HarmonicBalance, Load, System, Unilateral
+from hbgear import Backlash, Cubic, Element, HarmonicBalance, System, Unilateral
 from hbgear.harmonic.forces.switching_times import crossings
 from hbgear.mechanics import KelvinVoigt, Law, Parallel, PiecewiseLinear, Series, model
 from hbgear.mechanics.series.fourier import evaluate, samples_of, to_complex, to_real
@@ -313,7 +314,7 @@ def test_second_derivatives_of_short_contacts(depth, damping):
     @model
     def stopped(gap: float = 0.999) -> System:
         law = KelvinVoigt(5.0, damping, gap) if damping else Unilateral(k=5.0, gap=gap)
-        return System([[1.0]], [[0.1]], [[1.0]], [Element([1.0], law)], Load(cosine={1: [1.0]}))
+        return single_mass(law, F=1.0)
 
     problem, a = HarmonicBalance(stopped(), 2), 0.999 + depth
     X, v = np.array([0.0, a, 0.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0, 0.0, 0.0])

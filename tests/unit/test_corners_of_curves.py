@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from machines import single_mass
 
 import hbgear as hb
 from hbgear.continuation.problem.adapter import as_problem
@@ -65,8 +66,7 @@ def test_difference_steps_keep_a_distance_from_contacts_of_teeth(where, distance
     """A motion a + cos(theta) whose lowest point, or whose value at theta = 2, lies at a distance from the level."""
     stiffness = Periodic.rectangular(1.0, 0.0, 0.5, start=2.0)
     law = MeshContacts((ToothContact(stiffness, Series(0.4)),))
-    element = hb.Element([1.0], law)
-    problem = hb.HarmonicBalance(hb.System([[1.0]], [[0.1]], [[1.0]], [element], hb.Load(cosine={1: [0.3]})), 8)
+    problem = hb.HarmonicBalance(single_mass(law, F=0.3), 8)
     X = np.zeros(problem.size)
     X[:2] = 0.4 + distance - (-1.0 if where == "extremum" else np.cos(2.0)), 1.0
     step = problem.difference_step(X, {"Omega": 1.0})

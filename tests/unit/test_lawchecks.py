@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import scipy
+from machines import single_mass
 
 import hbgear as hb
 from hbgear.harmonic.forces.law_checks import check_law
@@ -21,7 +22,7 @@ def law_of(function, **attributes):
 
 
 def problem(law, K=1.0):
-    system = hb.System([[1.0]], [[0.1]], [[K]], [hb.Element([1.0], law, name="spring")], hb.Load(cosine={1: [0.2]}))
+    system = single_mass(law, F=0.2, k=K, name="spring")
     return hb.HarmonicBalance(system, 5)
 
 
@@ -108,8 +109,7 @@ def test_a_pair_held_by_another_element_is_not_refused():
 
 
 def test_damping_that_is_negative_everywhere():
-    spring = hb.Element([1.0], hb.Cubic(k3=1.0))
-    system = hb.System([[1.0]], [[-0.1]], [[1.0]], [spring], hb.Load(cosine={1: [0.2]}))
+    system = single_mass(hb.Cubic(k3=1.0), F=0.2, c=-0.1)
     words = "C has a negative eigenvalue .-0.1 .*needs dampers that dissipate energy: change the sign"
     with pytest.warns(hb.mechanics.ImplausibleInputWarning, match=words):
         hb.HarmonicBalance(system, 5)
@@ -122,8 +122,7 @@ def test_damping_that_is_negative_everywhere():
 @pytest.mark.parametrize("H", [15, 31])
 def test_the_error_of_steep_friction_is_stated(H):
     """x'' + x + tanh(x' / 1e-3) / 2 = cos(.8 t): 2.331953 by integration (LSODA); Den Hartog for sign(x'): 2.332235."""
-    element = hb.Element([1.0], law_of(friction(500.0)))
-    system = hb.System([[1.0]], [[0.0]], [[1.0]], [element], hb.Load(cosine={1: [1.0]}))
+    system = single_mass(law_of(friction(500.0)), F=1.0, c=0.0)
     for samples in (None, 4096, 512):
         point = hb.trace(hb.HarmonicBalance(system, H, samples=samples), "Omega", (0.8, 0.803))[0]
         error = abs(point.amplitude("max") - 2.331953) / np.sqrt(2)
@@ -156,8 +155,7 @@ def test_the_error_of_motions_that_stick_is_stated():
         p = np.tanh(v / 1e-3)
         return 0.45 * p, 0 * d, 450.0 * (1 - p * p)
 
-    element = hb.Element([1.0], law_of(force))
-    system = hb.System([[1.0]], [[0.1]], [[1.0]], [element], hb.Load(cosine={1: [0.5]}))
+    system = single_mass(law_of(force), F=0.5)
     curve = hb.trace(hb.HarmonicBalance(system, 15), "Omega", (1.2, 0.5), special=False, stability=False)
     for Omega in (1.1, 1.0, 0.94, 0.89, 0.63):
         i = int(np.argmin(np.abs(curve.values - Omega)))

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from machines import single_mass
 
 import hbgear as hb
 from hbgear import Backlash, Cubic, Unilateral
@@ -32,8 +33,7 @@ class Own(Law):
 
 
 def machine(law):
-    element = hb.Element([1.0], law, hb.mechanics.Series(cosine=(0.05,)), damping=0.08)
-    return hb.System([[1.0]], [[0.0]], [[0.0]], [element], hb.Load(constant=[0.1]))
+    return single_mass(law, mean=0.1, c=0.0, k=0.0, displacement=hb.mechanics.Series(cosine=(0.05,)), damping=0.08)
 
 
 @pytest.mark.parametrize("law", [SIDE_BY_SIDE, Own()], ids=["Parallel", "own class"])

@@ -5,6 +5,7 @@ import csv
 import matplotlib
 import numpy as np
 import pytest
+from machines import single_mass
 
 import hbgear as hb
 from hbgear import plot
@@ -144,8 +145,7 @@ def test_registration():
 
 def test_degrees_of_freedom_of_points_with_more_harmonics():
     """A special point that is located with more harmonics than its curve: one mass moves like its element."""
-    stop = hb.Element([1.0], hb.Unilateral(k=20.0, gap=0.5), name="stop")
-    mass = hb.System([[1.0]], [[0.05]], [[1.0]], [stop], hb.Load(cosine={1: [0.2]}))
+    mass = single_mass(hb.Unilateral(k=20.0, gap=0.5), F=0.2, c=0.05, name="stop")
     curve = hb.trace(hb.HarmonicBalance(mass, 8), "Omega", (0.85, 1.3))
     refined = [point for point in curve.special if len(point.X) > curve.X.shape[1]]
     assert refined

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import Phase, assume, example, given, settings
 from hypothesis import strategies as st
+from machines import single_mass
 from scipy.integrate import quad
 from scipy.optimize import brentq
 from unit.test_branch import make, same
@@ -110,7 +111,7 @@ def test_the_exact_projection_is_the_integral_of_the_force(law, row, nu):
         cuts += found
     cuts = sorted(cuts)
     assume(nu <= H)  # Omega itself is to be among the harmonics of Omega / nu
-    problem = hb.HarmonicBalance(hb.System([[1.0]], [[0.1]], [[1.0]], [hb.Element([1.0], law)]), H, nu=nu)
+    problem = hb.HarmonicBalance(single_mass(law), H, nu=nu)
     # orders are selected if the stiffness varies above the order H only, and may be as many: 0 and 2 for H = 1
     assume(problem.orders.tolist() == list(range(H + 1)))
     f = problem.force_rows(row, Omega=1.0)[0]

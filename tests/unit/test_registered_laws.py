@@ -8,6 +8,7 @@ import numba
 import numpy as np
 import pytest
 import scipy
+from machines import single_mass
 from pages import TEXTS, blocks
 
 import hbgear as hb
@@ -67,7 +68,7 @@ LAWS_OF_TIME_INTEGRATION = {"rigid friction"}
 
 
 def system(law):
-    return hb.System([[1.0]], [[0.1]], [[1.0]], [hb.Element([1.0], law, name="x")], hb.Load([0.1], {1: [0.2]}))
+    return single_mass(law, F=0.2, mean=0.1, name="x")
 
 
 def write_machine(folder, name, keys):

@@ -9,6 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 from browser import browser, check_only_own_scripts_run, check_toolbars, clicked, complaints, opened, resized
+from machines import single_mass
 
 import hbgear as hb
 from hbgear.analysis.quantities.axis_quantities import usual_measure
@@ -343,8 +344,7 @@ def test_measured_transmission_errors_are_drawn_among_transmission_errors(tmp_pa
 
 def test_matrices_have_no_unit_that_is_not_stated():
     """The page called the displacement of any element of matrices "gap [-]"; figures state "model units"."""
-    stop = hb.Element(direction=[1.0], law=hb.Unilateral(k=1.0, gap=1.0), name="stop")
-    system = hb.System([[1.0]], [[0.1]], [[1.0]], elements=[stop], load=hb.Load(cosine={1: [0.2]}))
+    system = single_mass(hb.Unilateral(k=1.0, gap=1.0), F=0.2, name="stop")
     curve = hb.trace(hb.HarmonicBalance(system, 4), "Omega", (1.9, 2.0), stability=False)
     (drawn,) = views([curve], ["stop"])
     assert (drawn["motion"], drawn["unit"], drawn["label"]) == ("d (model units)", "", "Ω")
@@ -497,8 +497,7 @@ def test_curve_is_drawn_as_engineers_draw(shown, pair):
 
 def test_lines_are_those_of_the_figures(shown, pair):
     """Vertices are the same on the page and in figures, at the sharp fold of a hard stop and in the drawn traces."""
-    element = hb.Element([1.0], hb.Unilateral(k=1e4, gap=0.5))
-    model = hb.System([[1.0]], [[0.1]], [[1.0]], [element], hb.Load(cosine={1: [0.3]}))
+    model = single_mass(hb.Unilateral(k=1e4, gap=0.5), F=0.3)
     stop = hb.trace(hb.ContactInstants(model, 8), "Omega", (1.9, 1.2))
     amplitude = stop.amplitude("max")
     assert len(stop) > 40 and np.diff(stop.values).min() < 0 < np.diff(stop.values).max()

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from machines import gear_pair
+from machines import gear_pair, single_mass
 
 import hbgear as hb
 from hbgear.mechanics.series.fourier import evaluate
@@ -113,8 +113,7 @@ def test_figures_of_runs(curve):
 )
 def test_quantities_of_matrices_have_no_unit_that_is_not_stated(labels, units):
     """Matrices may be in any units, so that their forces are not called dimensionless."""
-    stop = hb.Element(direction=[1.0], law=hb.Unilateral(k=1.0, gap=1.0), name="stop")
-    system = hb.System([[1.0]], [[0.1]], [[1.0]], elements=[stop], load=hb.Load(cosine={1: [0.2]}))
+    system = single_mass(hb.Unilateral(k=1.0, gap=1.0), F=0.2, name="stop")
 
     @hb.mechanics.model(labels=labels)
     def machine(k: float = 1.0) -> hb.System:

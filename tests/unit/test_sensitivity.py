@@ -5,6 +5,7 @@ import pickle
 
 import numpy as np
 import pytest
+from machines import single_mass
 
 import hbgear as hb
 from hbgear.analysis.parameter_sensitivity.point_sensitivity import (
@@ -159,7 +160,7 @@ def test_grazing_at_two_breakpoints_at_once():
     @hb.mechanics.model
     def stops(F: float = 0.3, gap: float = 1.0, zeta: float = 0.05) -> hb.System:
         law = hb.mechanics.ClippedKelvinVoigt(2.0, 0.4, gap, 2)
-        return hb.System([[1.0]], [[2 * zeta]], [[1.0]], [hb.Element([1.0], law)], hb.Load(cosine={1: [F]}))
+        return single_mass(law, F=F, c=2 * zeta)
 
     curve = hb.trace(hb.HarmonicBalance(stops(), 6), "Omega", (2.0, 1.05), stability=False)
     point = curve["GR1"]
@@ -245,8 +246,7 @@ def test_branch_point_and_its_imperfections():
 
     @hb.mechanics.model()
     def symmetric(zeta: float = 0.1, k3: float = 1.0, F: float = 10.0, mean: float = 0.0) -> hb.System:
-        load = hb.Load(constant=[mean], cosine={1: [F]})
-        return hb.System([[1.0]], [[2 * zeta]], [[1.0]], [hb.Element([1.0], hb.Cubic(k3))], load)
+        return single_mass(hb.Cubic(k3), F=F, mean=mean, c=2 * zeta)
 
     model = symmetric()
     curve = hb.trace(hb.HarmonicBalance(model, 9), "Omega", (1.5, 1.8), stability=False)

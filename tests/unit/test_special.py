@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from machines import single_mass
 
 from hbgear import (
     Backlash,
@@ -307,7 +308,7 @@ def test_points_can_be_refined_with_more_harmonics(strong):
 
 
 def test_clearances_are_named():
-    system = System([[1.0]], [[0.1]], [[0.0]], [Element([1.0], Backlash(1.0), name="gap")], Load([0.1], {1: [0.05]}))
+    system = single_mass(Backlash(1.0), F=0.05, mean=0.1, k=0.0, name="gap")
     assert HarmonicBalance(system, 3).clearance_names == (
         "lowest of gap at -1",
         "highest of gap at -1",
@@ -357,8 +358,7 @@ def test_contact_between_two_points_only(less):
     """A stop just below a resonance peak: (1 - w^2)^2 + (2 zeta w)^2 = (F / gap)^2 at first and last contact."""
     zeta, F = 0.1, 0.3
     gap = F / (2 * zeta * np.sqrt(1 - zeta**2)) * (1 - less)
-    stop = Element([1.0], Unilateral(1.0, gap))
-    system = System([[1.0]], [[2 * zeta]], [[1.0]], [stop], Load(cosine={1: [F]}))
+    system = single_mass(Unilateral(1.0, gap), F=F, c=2 * zeta)
     curve = trace(HarmonicBalance(system, 5), "Omega", (0.5, 1.6))
     expected = np.sqrt(np.roots([1, 4 * zeta**2 - 2, 1 - (F / gap) ** 2]))
     assert [p.kind for p in curve.special] == ["GR", "GR"]

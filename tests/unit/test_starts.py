@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from machines import single_mass
 
 import hbgear as hb
 from hbgear.continuation.curve.segment import CurvePoint, Segment
@@ -311,7 +312,7 @@ def test_motions_without_symmetry_end_at_a_pitchfork_without_a_jump(F):
 def test_a_sweep_of_motions_without_symmetry_leaves_them_at_the_vertex_in_its_own_direction():
     """They exist from 0.3718 to 0.3852, where a sweep in either direction returns to the symmetric motion. The last
     vertex, at which the fold was a second label, had a sweep in the wrong direction, and a point was not located."""
-    system = hb.System([[1.0]], [[0.1]], [[1.0]], [hb.Element([1.0], hb.Cubic(1.0))], hb.Load(cosine={1: [5.0]}))
+    system = single_mass(hb.Cubic(1.0), F=5.0)
     curve = hb.trace(hb.HarmonicBalance(system, 15), "Omega", (0.3, 0.65))
     ends = [point.parameters["Omega"] for point in curve.special if point.kind == "BP"]
     for number, end in enumerate(ends, 1):

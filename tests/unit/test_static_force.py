@@ -4,6 +4,7 @@ import re
 
 import numpy as np
 import pytest
+from machines import single_mass
 from typer.testing import CliRunner
 
 import hbgear as hb
@@ -43,13 +44,7 @@ def test_no_load_to_share(curve):
 def test_a_small_static_force_counts():
     """Mean load F on a linear bearing, amplitude a: the factor is 1 + k a / F."""
     F, k = 1e-4, 2.0
-    one = hb.System(
-        [[1.0]],
-        [[0.1]],
-        [[0.0]],
-        [hb.Element([1.0], hb.Cubic(k1=k, k3=0), name="x")],
-        hb.Load(constant=[F], cosine={1: [0.3]}),
-    )
+    one = single_mass(hb.Cubic(k1=k, k3=0), F=0.3, mean=F, k=0.0, name="x")
     point = hb.trace(hb.HarmonicBalance(one, 2), "Omega", (0.5, 0.6), stability=False)[0]
     amplitude = 0.3 / abs(k - 0.25 + 0.05j)
     assert hb.analysis.dynamic_factor(one, point) == pytest.approx(1 + k * amplitude / F, rel=1e-5)

@@ -8,6 +8,7 @@ from threading import Event
 
 import numpy as np
 import pytest
+from machines import single_mass
 from scipy.optimize import brentq
 
 import hbgear as hb
@@ -153,8 +154,7 @@ def test_impacts_in_closed_form(start):
     """A unit spring beyond a gap, against piecewise closed-form solutions, to 1e-10 after three periods."""
     Omega, zeta, b, mean, amplitude = 0.7, 0.08, 0.5, 0.15, 0.4
     true, count = pieces(Omega, zeta, b, mean, amplitude, start, 6 * np.pi / Omega)
-    gap = hb.Element([1.0], Backlash(b))
-    system = hb.System([[1.0]], [[2 * zeta]], [[0.0]], [gap], hb.Load([mean], {1: [amplitude]}))
+    system = single_mass(Backlash(b), F=amplitude, mean=mean, c=2 * zeta, k=0.0)
     found = integrate(system, np.array(start), 3, Omega, method="exponential", steps=24)
     assert count > 5
     np.testing.assert_allclose(found.end, true, rtol=0, atol=1e-10)

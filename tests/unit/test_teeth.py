@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from machines import single_mass
 from scipy.optimize import brentq
 
 from hbgear import Cubic, Element, HarmonicBalance, Load, Point, SpurPair, Status, StepControl, System
@@ -313,7 +314,7 @@ def test_balanced_and_unbalanced_loads(stiff):
 def test_the_truncation_estimate_is_the_error_of_a_weak_law(law):
     """The feedback of a weak law is negligible: the response to harmonics H+1..2H of its force is the error, up to the
     share of the law in the stiffness. Mutant: the estimate times or over sqrt 2 (mean square of a cosine omitted)."""
-    system = System([[1.0]], [[0.1]], [[1.0]], [Element([1.0], law)], Load([0.2], {1: [1.0]}))
+    system = single_mass(law, F=1.0, mean=0.2)
     H, Omega = 2, 0.7
     coarse, fine = HarmonicBalance(system, H), HarmonicBalance(system, 2 * H)
     X = solve(coarse, coarse.start(Omega), {"Omega": Omega}, settings=NewtonSettings(tolerance=1e-13)).X

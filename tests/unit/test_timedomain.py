@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 from cross.shooting import integrate as integrate_otherwise
-from machines import Drag
+from machines import Drag, single_mass
 
-from hbgear import Backlash, Cubic, Duffing, Element, HarmonicBalance, Load, NoConvergence, SpurPair, System, Unilateral
+from hbgear import Backlash, Cubic, Duffing, HarmonicBalance, NoConvergence, SpurPair, Unilateral
 from hbgear.gears import DoubleHelicalPair
 from hbgear.harmonic.structure.linear_structure import LinearStructure
 from hbgear.mechanics import Parallel
@@ -119,7 +119,7 @@ def test_agrees_with_other_code(name, method, truth):
 def test_shortest_visits_beyond_a_corner_are_found(method):
     """q'' + q = 0 touches a stiff stop for a thousandth of each turn; overlooked, the motion would be the free one."""
     depth = 1e-5
-    system = System([[1.0]], None, [[1.0]], [Element([1.0], Unilateral(k=1e4, gap=1 - depth))])
+    system = single_mass(Unilateral(k=1e4, gap=1 - depth), c=None)
     run = integrate(system, np.array([0.0, 1.0]), 4, 0.7, method=method, samples=8)
     energy = 0.5 * (run.end**2).sum()
     assert energy == pytest.approx(0.5, abs=1e-9)
@@ -130,7 +130,7 @@ def test_shortest_visits_beyond_a_corner_are_found(method):
 
 
 def test_both_methods_see_the_same_short_visits():
-    system = System([[1.0]], None, [[1.0]], [Element([1.0], Unilateral(k=1e4, gap=1 - 1e-5))])
+    system = single_mass(Unilateral(k=1e4, gap=1 - 1e-5), c=None)
     y = np.array([0.0, 1.0])
     a = integrate(system, y, 4, 0.7, tolerance=1e-12).end
     np.testing.assert_allclose(integrate(system, y, 4, 0.7, method="exponential").end, a, atol=1e-8)
@@ -164,7 +164,7 @@ def test_samples_are_the_motion():
     ids=["velocity", "corners", "double well"],
 )
 def test_laws_of_any_kind(law):
-    system = System([[1.0]], [[0.05]], [[0.1]], [Element([1.0], law)], Load([0.3], {1: [0.7]}))
+    system = single_mass(law, F=0.7, mean=0.3, c=0.05, k=0.1)
     y = np.array([0.3, -0.6])
     true = integrate(system, y, 2, 0.9, tolerance=1e-13).end
     np.testing.assert_allclose(integrate(system, y, 2, 0.9, method="exponential", steps=48).end, true, atol=2e-10)

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from machines import single_mass
 
 import hbgear as hb
 from hbgear.continuation.problem.work import MIN_WEIGHT, Work
@@ -48,8 +49,7 @@ def test_without_a_limit_everything_is_allowed():
 
 @pytest.fixture(scope="module")
 def stop():
-    element = hb.Element([1.0], hb.Unilateral(k=40.0, gap=0.5), name="stop")
-    return hb.System([[1.0]], [[0.06]], [[1.0]], [element], hb.Load(cosine={1: [0.3]}))
+    return single_mass(hb.Unilateral(k=40.0, gap=0.5), F=0.3, c=0.06, name="stop")
 
 
 def test_a_curve_with_little_work_is_the_same_curve_and_states_unknowns(stop):
@@ -98,9 +98,9 @@ def test_a_bound_is_no_negative_number(stop, work):
 @pytest.mark.slow
 def test_a_rattle_with_endless_contacts_ends_within_its_bound(monkeypatch):
     """At low Omega each period has more impacts, folds and flips; every exact motion counts, also one that fails."""
-    mesh = hb.Element([1.0], hb.Backlash(k=1.0, b=1.0), damping=0.1, name="mesh")
-    load = hb.Load(constant=[0.02], cosine={1: [0.05]})
-    problem = hb.HarmonicBalance(hb.System([[1.0]], [[0.0]], [[0.0]], [mesh], load), 24)
+    problem = hb.HarmonicBalance(
+        single_mass(hb.Backlash(k=1.0, b=1.0), F=0.05, mean=0.02, c=0.0, k=0.0, damping=0.1, name="mesh"), 24
+    )
     calls, refine = [], undecided.refine_motion
 
     def counted(*given, **options):
