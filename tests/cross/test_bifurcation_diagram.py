@@ -21,9 +21,7 @@ PD1, PD2 = 0.265582, 0.286693
 
 @model
 def two_wells(gamma: float = 0.2) -> hb.System:
-    return hb.System(
-        [[1.0]], [[0.3]], [[-1.0]], [hb.Element([1.0], Cubic(1.0), name="x")], hb.Load(cosine={1: [gamma]})
-    )
+    return machines.single_mass(Cubic(1.0), F=gamma, c=0.3, k=-1.0, name="x")
 
 
 @model

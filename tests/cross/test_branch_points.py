@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from machines import single_mass
 
 import hbgear as hb
 from hbgear.time.integration import state_of
@@ -65,9 +66,7 @@ def test_stated_errors_and_the_second_parameter(curve):
 
 def test_curves_that_do_not_cross_have_none():
     """A mean load breaks the symmetry: the crossing becomes a fold and a separate branch."""
-    bent = hb.System(
-        [[1.0]], [[0.1]], [[1.0]], [hb.Element([1.0], hb.Cubic(k3=1.0))], hb.Load(constant=[0.05], cosine={1: [20.0]})
-    )
+    bent = single_mass(hb.Cubic(k3=1.0), F=20.0, mean=0.05)
     curve = hb.trace(hb.HarmonicBalance(bent, 9), "Omega", (1.0, 1.4))
     assert "BP" not in {point.kind for point in curve.special}
 

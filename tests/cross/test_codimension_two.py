@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 import scipy
-from machines import two_masses
+from machines import single_mass, two_masses
 
 import hbgear as hb
 from hbgear.time.integration import state_of
@@ -29,8 +29,7 @@ EPS = 0.2
 
 @hb.mechanics.model
 def forced(F: float = 0.2, quadratic: float = 0.0) -> hb.System:
-    spring = hb.Element([1.0], VanDerPol(EPS, quadratic))
-    return hb.System([[1.0]], [[0.0]], [[1.0]], [spring], hb.Load(cosine={1: [F]}))
+    return single_mass(VanDerPol(EPS, quadratic), F=F, c=0.0)
 
 
 def monodromy(point, quadratic):
@@ -221,8 +220,7 @@ class StiffVanDerPol(hb.mechanics.Law):
 
 @hb.mechanics.model
 def stiffening(F: float = 4.0, eps: float = 0.4, cubic: float = 0.3) -> hb.System:
-    spring = hb.Element([1.0], StiffVanDerPol(eps, cubic))
-    return hb.System([[1.0]], [[0.0]], [[1.0]], [spring], hb.Load(cosine={1: [F]}))
+    return single_mass(StiffVanDerPol(eps, cubic), F=F, c=0.0)
 
 
 @pytest.mark.slow
@@ -369,8 +367,7 @@ def test_a_turning_point_in_the_second_parameter_alone_is_no_cusp():
 def test_branch_points_are_not_followed_where_the_symmetry_is_broken():
     @hb.mechanics.model
     def duffing(F0: float = 0.0) -> hb.System:
-        load = hb.Load(constant=[F0], cosine={1: [20.0]})
-        return hb.System([[1.0]], [[0.1]], [[1.0]], [hb.Element([1.0], hb.Cubic(1.0))], load)
+        return single_mass(hb.Cubic(1.0), F=20.0, mean=F0)
 
     curve = hb.trace(hb.HarmonicBalance(duffing(), 9), "Omega", (1.0, 1.4), stability=False, accuracy=None)
     with pytest.raises(ValueError, match="F0 breaks their symmetry"):
@@ -427,8 +424,7 @@ def test_gradient_of_the_exponent_with_a_law_in_python():
 @hb.mechanics.model
 def loose_teeth(F: float = 0.13) -> hb.System:
     """Return one mass between teeth with backlash and a constant load."""
-    teeth = hb.Element([1.0], hb.Backlash(b=0.95, k=0.33), name="teeth")
-    return hb.System([[1.0]], [[0.02]], [[1.0]], [teeth], hb.Load(constant=[0.15], cosine={1: [F]}))
+    return single_mass(hb.Backlash(b=0.95, k=0.33), F=F, mean=0.15, c=0.02, name="teeth")
 
 
 @pytest.mark.parametrize("first, last", [(0.13, 0.1), (0.1, 0.13)])

@@ -4,6 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from machines import single_mass
 
 import hbgear as hb
 from hbgear.gears.mesh.mesh_excitation import in_order
@@ -22,8 +23,7 @@ SMOOTH = hb.mechanics.Series(1.0, (0.2, 0.1), (0.05,))
 
 
 def system(law: hb.mechanics.Law, e: hb.mechanics.Series | hb.mechanics.Periodic) -> hb.System:
-    gap = hb.Element([1.0], law, displacement=e, damping=0.05, name="gap")
-    return hb.System([[1.0]], [[0.1]], [[0.2]], [gap], hb.Load(constant=[0.1], cosine={1: [0.2]}))
+    return single_mass(law, F=0.2, mean=0.1, k=0.2, displacement=e, damping=0.05, name="gap")
 
 
 LAWS = {

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from machines import single_mass
 from scipy.optimize import brentq
 
 import hbgear as hb
@@ -18,8 +19,7 @@ def grazing(low, high):
 @pytest.mark.parametrize("k", [1e4, 1e5])
 def test_a_curve_of_a_hard_stop_is_traced_through_its_grazing_points(k):
     """The first grazing and the motion without contact have closed forms; the folds beyond agree with 1e-9."""
-    stop = hb.Element([1.0], hb.Unilateral(k=k, gap=GAP), name="stop")
-    model = hb.System([[1.0]], [[C]], [[1.0]], [stop], hb.Load(cosine={1: [F]}))
+    model = single_mass(hb.Unilateral(k=k, gap=GAP), F=F, c=C, name="stop")
     curve = hb.trace(hb.HarmonicBalance(model, 32), "Omega", (0.6, 2.2))
     assert curve.status.complete and "contact instants" in curve.message
     curves = curve.curves
@@ -41,8 +41,7 @@ def test_a_fold_next_to_a_grazing_contact_is_followed(name, end):
 
     @hb.mechanics.model
     def stopped(F: float = 0.1, gap: float = GAP, c: float = 0.04) -> hb.System:
-        stop = hb.Element([1.0], hb.Unilateral(k=100.0, gap=gap), name="stop")
-        return hb.System([[1.0]], [[c]], [[1.0]], [stop], hb.Load(cosine={1: [F]}))
+        return single_mass(hb.Unilateral(k=100.0, gap=gap), F=F, c=c, name="stop")
 
     curve = hb.trace(hb.HarmonicBalance(stopped(), 24), "Omega", (1.3, 1.05))
     assert 0 < curve["LP1"].amplitude("max") / GAP - 1 < 1e-5
@@ -58,8 +57,7 @@ def test_contacts_that_few_harmonics_do_not_resolve():
 
     Integration confirms the period doublings: motions of one period with the multiplier -1.
     """
-    stop = hb.Element([1.0], hb.Unilateral(k=36.0, gap=0.0), name="stop")
-    model = hb.System([[1.0]], [[0.05]], [[1.0]], [stop], hb.Load(cosine={1: [0.2]}))
+    model = single_mass(hb.Unilateral(k=36.0, gap=0.0), F=0.2, c=0.05, name="stop")
     curve = hb.trace(hb.HarmonicBalance(model, 16), "Omega", (0.6, 0.45))
     assert curve.status is hb.Status.REACHED_END
     assert "traced in contact instants, because H = 16 does not resolve contacts" in curve.message
@@ -74,8 +72,7 @@ def test_contacts_that_few_harmonics_do_not_resolve():
 
 def hard_stop():
     """Return the harmonic balance of a stop that 32 harmonics do not resolve."""
-    stop = hb.Element([1.0], hb.Unilateral(k=1e4, gap=GAP), name="stop")
-    return hb.HarmonicBalance(hb.System([[1.0]], [[C]], [[1.0]], [stop], hb.Load(cosine={1: [F]})), 32)
+    return hb.HarmonicBalance(single_mass(hb.Unilateral(k=1e4, gap=GAP), F=F, c=C, name="stop"), 32)
 
 
 def test_a_curve_that_ends_at_its_number_of_points_stays_exact():

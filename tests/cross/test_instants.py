@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from cross.shooting import shoot, state
+from machines import single_mass
 from scipy import sparse
 
 import hbgear as hb
@@ -25,7 +26,7 @@ def one_mass(law, c=0.1, k=1.0, **more):
 
 
 def stop(k, c, F, gap=0.5):
-    return hb.System([[1.0]], [[c]], [[1.0]], [hb.Element([1.0], hb.Unilateral(k, gap))], hb.Load(cosine={1: [F]}))
+    return single_mass(hb.Unilateral(k, gap), F=F, c=c)
 
 
 def chain(**more):
@@ -357,8 +358,7 @@ def test_units_do_not_matter():
 
 def test_residual_where_a_contact_begins_is_relative_to_the_motion():
     """Gap and velocity at the switches are nearly zero there; relative to them the residual was 7e-8."""
-    load = hb.Load(constant=[-0.01255479], cosine={1: [0.05705222]})
-    touching = hb.System([[1.0]], [[0.05203305]], [[1.0]], [hb.Element([1.0], hb.Unilateral(27.154, 0.0))], load)
+    touching = single_mass(hb.Unilateral(27.154, 0.0), F=0.05705222, mean=-0.01255479, c=0.05203305)
     curve = hb.trace(hb.ContactInstants(touching), "Omega", (2.37, 2.34))
     assert "GR" in {one.kind for one in curve.special} and curve.residual.max() < 1e-11
 

@@ -6,7 +6,7 @@ from functools import partial
 import numpy as np
 import pytest
 import scipy
-from machines import VanDerPol, van_der_pol
+from machines import VanDerPol, single_mass, van_der_pol
 
 import hbgear as hb
 from hbgear.continuation.solvers.newton import solve
@@ -238,9 +238,7 @@ def test_newton_starts_exactly_at_a_natural_frequency_of_an_undamped_structure()
 
     @hb.mechanics.model
     def sprung(eps: float = 0.2) -> hb.System:
-        return hb.System(
-            [[1.0]], [[0.0]], [[0.5]], [hb.Element([1.0], hb.mechanics.Parallel((hb.Cubic(0.0, 0.5), VanDerPol(eps))))]
-        )
+        return single_mass(hb.mechanics.Parallel((hb.Cubic(0.0, 0.5), VanDerPol(eps))), c=0.0, k=0.5)
 
     problem = hb.harmonic.LimitCycleProblem(hb.HarmonicBalance(sprung(), 9))
     balance = problem.problem.compiled({})

@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 from cross.shooting import integrate, shoot, state
+from machines import single_mass
 from scipy.integrate import solve_ivp
 from scipy.optimize import linear_sum_assignment, root
 
-from hbgear import Duffing, Element, HarmonicBalance, Load, SpurPair, System, trace
+from hbgear import Duffing, HarmonicBalance, SpurPair, trace
 from hbgear.continuation.solvers.newton import solve
 from hbgear.gears import DoubleHelicalPair
 from hbgear.mechanics import PiecewiseLinear
@@ -52,7 +53,7 @@ def test_shooting_itself():
 def test_shooting_follows_the_lines_of_a_law():
     """Three stages with asymmetrical corners: integration over lines is that of the law itself with small steps."""
     law = PiecewiseLinear((-0.4, 0.1, 0.5), (2.0, 0.5, 1.0, 3.0), 0.2)
-    system = System([[1.0]], [[0.1]], [[0.1]], [Element([1.0], law)], Load([0.1], {1: [1.0]}))
+    system = single_mass(law, F=1.0, mean=0.1, k=0.1)
     y0 = np.array([0.3, 0.6])
     period = integrate(system, 0.9, y0)
     assert len(period.instants) >= 4

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from machines import single_mass
 
 import hbgear as hb
 from hbgear.time.attractors.steady_states import unseen
@@ -29,7 +30,7 @@ def test_rest_is_unstable_and_a_motion_of_two_periods_surrounds_it():
     """Parametric resonance at twice the natural frequency."""
     varying = hb.mechanics.PiecewiseLinear((), (1.0,), stiffness=hb.mechanics.Series(mean=1.0, cosine=(0.5,)))
     spring = hb.mechanics.Parallel((varying, hb.Cubic(1.0)))
-    model = hb.System([[1.0]], [[0.1]], [[0.0]], [hb.Element([1.0], spring)])
+    model = single_mass(spring, k=0.0)
     found = hb.time.steady_states(model, 2.0, harmonics=5, starts=5, guesses=6)
     assert [(motion.period, motion.stable) for motion in found.motions] == [(2, True), (1, False)]
     assert found.indices == {1: 1, 2: 1}  # both copies of the motion and the unstable rest: 1 + 1 - 1
@@ -64,8 +65,6 @@ def test_bad_input():
         hb.time.steady_states(hb.Duffing(), -1.0)
     with pytest.raises(ValueError, match="extent"):
         hb.time.steady_states(hb.Duffing(), 1.0, extent=0.0)
-    slider = hb.System(
-        [[1.0]], [[0.1]], [[1.0]], [hb.Element([1.0], hb.mechanics.Jenkins(1.0, 0.1))], hb.Load(cosine={1: [1.0]})
-    )
+    slider = single_mass(hb.mechanics.Jenkins(1.0, 0.1), F=1.0)
     with pytest.raises(ValueError, match="does not integrate friction"):
         hb.time.steady_states(slider, 1.0)

@@ -6,6 +6,7 @@ from itertools import pairwise
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
+from machines import single_mass
 from matplotlib.colors import to_rgb
 from scipy.integrate import solve_ivp
 
@@ -174,9 +175,7 @@ def test_lyapunov_exponent_of_a_settled_motion_is_its_multiplier():
 @pytest.mark.slow
 def test_lyapunov_exponent_of_a_chaotic_motion():
     """x'' + 0.25 x' - x + x^3 = 0.4 cos t, against its variational equation along one long run of other code."""
-    double_well = hb.System(
-        [[1.0]], [[0.25]], [[0.0]], [hb.Element([1.0], hb.Cubic(1.0, -1.0))], hb.Load(cosine={1: [0.4]})
-    )
+    double_well = single_mass(hb.Cubic(1.0, -1.0), F=0.4, c=0.25, k=0.0)
     stepper = ExponentialIntegrator(double_well, 1.0)
     flight = stepper.start([0.3, 0.0])
     stepper.advance(flight, 30)

@@ -9,7 +9,7 @@ from dataclasses import replace
 import matplotlib.pyplot as plt
 import numpy as np
 import pytest
-from machines import two_masses
+from machines import single_mass, two_masses
 
 import hbgear as hb
 from hbgear.analysis.summary import reliability_lines, special_table
@@ -254,8 +254,7 @@ def test_bad_input(curve, tori):
         tori.amplitude("H1")
     with pytest.raises(ValueError, match="has no tori"):
         hb.time.verify_torus(curve)
-    slider = hb.Element([1.0], hb.mechanics.Jenkins(1.0, 0.1))
-    few = hb.HarmonicBalance(hb.System([[1.0]], [[0.1]], [[1.0]], [slider], hb.Load(cosine={1: [1.0]})), 3)
+    few = hb.HarmonicBalance(single_mass(hb.mechanics.Jenkins(1.0, 0.1), F=1.0), 3)
     with pytest.raises(ValueError, match="laws without memory"):
         hb.harmonic.TorusProblem(few, TorusBasis(2, 2))
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 import scipy
-from machines import two_masses
+from machines import single_mass, two_masses
 
 import hbgear as hb
 from hbgear.continuation.solvers.newton import solve
@@ -17,8 +17,7 @@ ZETA, K3, F = 0.05, 0.1, 0.4
 
 
 def duffing() -> hb.System:
-    spring = hb.Element([1.0], hb.Cubic(K3), name="x")
-    return hb.System([[1.0]], [[2 * ZETA]], [[1.0]], [spring], hb.Load(cosine={1: [F]}))
+    return single_mass(hb.Cubic(K3), F=F, c=2 * ZETA, name="x")
 
 
 def two_tones(second: float, span: tuple[float, float], harmonics=(7, 7)) -> hb.Branch:
@@ -171,8 +170,7 @@ def test_stated_error_covers_the_truncation(masses, harmonics):
 
 
 def test_contacts_with_dampers_have_no_stability():
-    contact = hb.Element([1.0], hb.mechanics.KelvinVoigt(1.0, 0.1, 1.0), name="x")
-    system = hb.System([[1.0]], [[0.1]], [[1.0]], [contact], hb.Load(cosine={1: [0.1]}))
+    system = single_mass(hb.mechanics.KelvinVoigt(1.0, 0.1, 1.0), F=0.1, name="x")
     load = hb.Load(cosine={1: [0.05]})
     curve = hb.analysis.two_tones(system, RATIO, (0.4, 0.45), load=load, harmonics=(4, 4))
     assert set(curve.stability) == {"unknown"}

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 import scipy
+from machines import single_mass
 
 import hbgear as hb
 from hbgear.analysis.summary import summary_facts
@@ -14,8 +15,7 @@ RATIO = math.sqrt(2.0)
 
 
 def duffing(zeta, k3, F) -> hb.System:
-    spring = hb.Element([1.0], hb.Cubic(k3))
-    return hb.System([[1.0]], [[2 * zeta]], [[1.0]], [spring], hb.Load(cosine={1: [F]}))
+    return single_mass(hb.Cubic(k3), F=F, c=2 * zeta)
 
 
 def velocity_rms(curve, i):
@@ -72,9 +72,7 @@ def test_a_cubic_oscillator_agrees_with_its_invariant_circle(F1, Omega, F2, Omeg
 
 def test_a_gap_agrees_with_pieces_in_closed_form():
     """Averages over 24 000 periods of pieces in closed form; the teeth separate twice per period."""
-    system = hb.System(
-        [[1.0]], [[0.1]], [[0.0]], [hb.Element([1.0], hb.Backlash(1.0))], hb.Load(constant=[0.1], cosine={1: [0.05]})
-    )
+    system = single_mass(hb.Backlash(1.0), F=0.05, mean=0.1, k=0.0)
     few = hb.StepControl(max_points=2)
     curve = hb.analysis.two_tones(
         system,
@@ -126,8 +124,7 @@ def settled(F0, F1, O1, F2, O2, zeta=0.05):
 def test_irregular_impacts_agree_with_pieces_in_closed_form(loads, half, mean, rms, rms_v):
     """Averages over 24 000 periods of pieces in closed form; the second motion lies on a doubled torus."""
     F0, F1, O1, F2, O2 = loads
-    load = hb.Load(constant=[F0], cosine={1: [F1]})
-    system = hb.System([[1.0]], [[0.1]], [[0.0]], [hb.Element([1.0], hb.Backlash(1.0))], load)
+    system = single_mass(hb.Backlash(1.0), F=F1, mean=F0, k=0.0)
     second = hb.Load(cosine={1: [F2]})
     many = {"harmonics": (150, 90), "band": 15.5, "dense": 2}
     problem = hb.harmonic.TwoToneProblem(system, O2 / O1, second, half=half, **many)

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import scipy
+from machines import single_mass
 
 import hbgear as hb
 from hbgear.continuation.results.reliability import stable_on_both_sides, unexplained_changes
@@ -176,9 +177,7 @@ def test_both_determinants_have_the_parity_of_the_multipliers(model, span, H, le
 
 def test_small_multipliers_that_are_rounding_are_no_period_doublings():
     """x'' + 0.1 x' - 2 x - 0.1 x^3 = 0.05 cos: about the saddle both multipliers are real, with product exp(-0.1 T)."""
-    saddle = hb.System(
-        [[1.0]], [[0.1]], [[-2.5]], [hb.Element([1.0], hb.Cubic(k3=-0.1, k1=0.5))], hb.Load(cosine={1: [0.05]})
-    )
+    saddle = single_mass(hb.Cubic(k3=-0.1, k1=0.5), F=0.05, k=-2.5)
     with warnings.catch_warnings(action="error"):
         curve = hb.trace(hb.HarmonicBalance(saddle, 12), "Omega", (0.3, 0.1), start=np.zeros(25))
         slow = hb.trace(hb.HarmonicBalance(saddle, 12), "Omega", (0.01, 0.005), start=np.zeros(25))
@@ -259,7 +258,7 @@ def test_a_special_point_located_with_more_harmonics_explains_a_change_beyond_it
 def test_doubt_about_a_law_that_is_not_piecewise_linear_is_refined_with_more_harmonics():
     """A cubic spring and a stop in one element: no exact motion; every row is contradicted, and so refined."""
     law = hb.mechanics.Parallel((hb.Cubic(0.0, 0.3), hb.Unilateral(2.0, 0.5)))
-    model = hb.System([[1.0]], [[0.1]], [[1.0]], [hb.Element([1.0], law)], hb.Load(cosine={1: [0.5]}))
+    model = single_mass(law, F=0.5)
     curve = hb.trace(hb.HarmonicBalance(model, 5), "Omega", (0.5, 2.5), special=False)
     assert curve.status.complete
     problem, rows = curve.problem, range(0, len(curve), len(curve) // 5)
@@ -273,9 +272,7 @@ def test_doubt_about_a_law_that_is_not_piecewise_linear_is_refined_with_more_har
 
 def test_multipliers_of_a_motion_without_contact_have_no_error_and_no_warning():
     """A stop that is not reached: the motion is that of the linear oscillator, |mu| = exp(-zeta omega_0 T)."""
-    model = hb.System(
-        [[1.0]], [[0.1]], [[1.0]], [hb.Element([1.0], hb.Unilateral(2.0, 5.0))], hb.Load(cosine={1: [0.1]})
-    )
+    model = single_mass(hb.Unilateral(2.0, 5.0), F=0.1)
     problem = hb.HarmonicBalance(model, 5)
     X = problem.start(Omega=0.5)
     seen = problem.observe(X, True, Omega=0.5) | {"determinant": 1, "contradicts": True}
