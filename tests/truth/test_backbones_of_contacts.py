@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 import scipy
+from machines import single_mass
 
 import hbgear as hb
 
@@ -17,7 +18,7 @@ def at_displacement(model: hb.System, harmonics: int, x: float, span: tuple[floa
 
 
 def slider(k: float, limit: float) -> hb.System:
-    return hb.System([[1.0]], None, [[1.0]], [hb.Element([1.0], hb.mechanics.Jenkins(k, limit), name="slider")])
+    return single_mass(hb.mechanics.Jenkins(k, limit), c=None, name="slider")
 
 
 JENKINS = [

@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from machines import single_mass
 
 pytest.importorskip("flint")
 pytest.importorskip("mpmath")
@@ -42,8 +43,7 @@ STOP_POINTS = {
 
 def stop(k: float = 1e3) -> hb.System:
     """Return a mass with a stop."""
-    element = hb.Element([1.0], hb.Unilateral(k=k, gap=0.5), name="stop")
-    return hb.System([[1.0]], [[0.1]], [[1.0]], [element], hb.Load(cosine={1: [0.3]}))
+    return single_mass(hb.Unilateral(k=k, gap=0.5), F=0.3, name="stop")
 
 
 @pytest.fixture(scope="module")
@@ -91,13 +91,7 @@ def test_a_fold_of_harmonic_balance_leads_to_the_same_certificate(fold: Certific
 
 def test_a_point_with_more_harmonics_than_its_curve() -> None:
     """The curve has H = 4, its fold has more; it is the same fold as in contact instants."""
-    soft = hb.System(
-        [[1.0]],
-        [[0.1]],
-        [[1.0]],
-        [hb.Element([1.0], hb.Unilateral(k=6.0, gap=0.5), name="stop")],
-        hb.Load(cosine={1: [0.3]}),
-    )
+    soft = single_mass(hb.Unilateral(k=6.0, gap=0.5), F=0.3, name="stop")
     fold = hb.trace(hb.HarmonicBalance(soft, 4), "Omega", (2.0, 1.0))["LP1"]
     proof = hb.analysis.certify(fold)
     assert fold.layout.harmonics > 4 and float(proof.Omega[0]) == pytest.approx(1.2583354666646203, abs=1e-12)
@@ -195,13 +189,7 @@ def test_a_wrong_order_of_contacts_is_not_certified(fold: Certificate) -> None:
 
 def test_a_contact_that_is_left_out_is_noticed() -> None:
     """The equations of a motion without contacts do not contain the stop; only the sign of the gap does."""
-    far = hb.System(
-        [[1.0]],
-        [[0.1]],
-        [[1.0]],
-        [hb.Element([1.0], hb.Unilateral(k=10.0, gap=5.0), name="stop")],
-        hb.Load(cosine={1: [0.3]}),
-    )
+    far = single_mass(hb.Unilateral(k=10.0, gap=5.0), F=0.3, name="stop")
     curve = hb.trace(hb.ContactInstants(far, 4), "Omega", (0.9, 0.95))
     claim = certify(curve[0]).claim
     amplitude = 0.3 / abs(1 - 0.9**2 + 0.09j)
@@ -456,9 +444,8 @@ def test_stops_of_opposite_directions_at_one_place_are_advised() -> None:
 
 
 def test_both_flanks_of_a_symmetric_gap_graze_at_once() -> None:
-    gap = hb.Element([1.0], hb.Backlash(b=0.3, k=10.0), name="gap")
     curve = hb.trace(
-        hb.ContactInstants(hb.System([[1.0]], [[0.1]], [[1.0]], [gap], hb.Load(cosine={1: [0.3]}))), "Omega", (2.2, 1.2)
+        hb.ContactInstants(single_mass(hb.Backlash(b=0.3, k=10.0), F=0.3, name="gap")), "Omega", (2.2, 1.2)
     )
     with pytest.raises(NotCertifiedError, match="contacts of gap graze at once"):
         hb.analysis.certify(curve["GR1"])

@@ -5,6 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 import scipy
+from machines import single_mass
 
 import hbgear as hb
 from hbgear.continuation.solvers.newton import solve
@@ -12,7 +13,7 @@ from hbgear.mechanics.series.fourier import evaluate
 
 
 def rattle(zeta, load, law, mean=0.0):
-    return hb.System([[1.0]], [[2 * zeta]], [[0.0]], [hb.Element([1.0], law)], hb.Load([mean], {1: [load]}))
+    return single_mass(law, F=load, mean=mean, c=2 * zeta, k=0.0)
 
 
 def samples(law, X, Omega, N=1 << 16):
@@ -112,9 +113,10 @@ def test_refusals():
         hb.mechanics.KelvinVoigt(1.0, 0.1, sides=3)
     with pytest.raises(ValueError, match="contacts with dampers"):
         hb.time.integrate(rattle(0.01, 0.1, PLAIN), [0.0, 0.0], 1, 1.0, method="exponential")
-    moved = hb.Element([1.0], PLAIN, hb.mechanics.Periodic.trapezoidal(0.2, 0.1, 0.3, 0.2))
     with pytest.raises(ValueError, match="damper and a prescribed"):
-        hb.HarmonicBalance(hb.System([[1.0]], None, [[1.0]], [moved], hb.Load(cosine={1: [0.1]})), 5)
+        hb.HarmonicBalance(
+            single_mass(PLAIN, F=0.1, c=None, displacement=hb.mechanics.Periodic.trapezoidal(0.2, 0.1, 0.3, 0.2)), 5
+        )
 
 
 @pytest.mark.slow
@@ -152,7 +154,7 @@ def test_hunt_crossley(Omega, load, state, rms, multiplier):
 def test_restitution():
     """A mass that hits a Hertzian stop at v rebounds at about v (1 - 2/3 contact_damping v)."""
     law = hb.mechanics.HuntCrossley(k=1e4, contact_damping=0.01, exponent=1.5)
-    mass = hb.System([[1.0]], [[0.0]], [[0.0]], [hb.Element([1.0], law)], hb.Load())
+    mass = single_mass(law, c=0.0, k=0.0)
     motion = hb.time.integrate(mass, [-0.05, 1.0], 1, 2 * np.pi / 0.4)
     assert -motion.end[1] == pytest.approx(1 - 2 / 3 * 0.01, abs=2e-4)
 
@@ -160,7 +162,7 @@ def test_restitution():
 def one_mass(k: float = 8.0, gap: float = 0.5, F: float = 0.3) -> hb.System:
     """A mass and a Hertzian stop with damping; its curve has folds and period doublings."""
     law = hb.mechanics.HuntCrossley(k=k, contact_damping=0.3, gap=gap, exponent=1.5)
-    return hb.System([[1.0]], [[0.06]], [[1.0]], [hb.Element([1.0], law)], hb.Load(cosine={1: [F]}))
+    return single_mass(law, F=F, c=0.06)
 
 
 def two_masses(k: float = 3.0, gap: float = 0.38, F: float = 0.35) -> hb.System:
@@ -176,7 +178,7 @@ def test_force_harmonics_of_hunt_crossley_are_integrals(exponent, rng):
     Jacobian matrix by differences, which exist to the second order in the step."""
     law = hb.mechanics.HuntCrossley(k=2.0, contact_damping=0.3, gap=0.4, exponent=exponent, sides=2)
     H, Omega = 5, 1.3
-    problem = hb.HarmonicBalance(hb.System([[1.0]], [[0.1]], [[1.0]], [hb.Element([1.0], law)]), H)
+    problem = hb.HarmonicBalance(single_mass(law), H)
     X = 0.03 * rng.standard_normal(2 * H + 1)
     X[1] += 0.9
     row = X.tolist()
@@ -222,7 +224,7 @@ def test_force_harmonics_of_hunt_crossley_are_integrals(exponent, rng):
 def test_a_contact_shorter_than_a_sample_step():
     """A contact of .045 rad between two of 64 samples, .098 rad apart, has its force, stiffness and damping."""
     law = hb.mechanics.HuntCrossley(k=2.0, contact_damping=0.3, gap=0.4)
-    problem = hb.HarmonicBalance(hb.System([[1.0]], [[0.1]], [[1.0]], [hb.Element([1.0], law)]), 4)
+    problem = hb.HarmonicBalance(single_mass(law), 4)
     X, depth, phase = np.zeros(9), 1e-4, 0.049
     X[1:3] = (0.4 + depth) * np.array([np.cos(phase), np.sin(phase)])
     half = np.arccos(0.4 / (0.4 + depth))
@@ -312,8 +314,7 @@ def test_second_derivatives_where_a_clipped_force_nearly_vanishes(least):
 
     valley = scipy.optimize.brentq(lambda t: force(t, 1), -0.5, 0.3, xtol=1e-15)
     gap = (force(valley) - least) / k
-    stop = hb.Element([1.0], hb.mechanics.ClippedKelvinVoigt(k, c, gap))
-    problem = hb.HarmonicBalance(hb.System([[1.0]], [[0.1]], [[1.0]], [stop], hb.Load(cosine={1: [1.0]})), 3)
+    problem = hb.HarmonicBalance(single_mass(hb.mechanics.ClippedKelvinVoigt(k, c, gap), F=1.0), 3)
     v = np.eye(7)[0]
     along, _ = problem.curvature(X, v, "Omega", Omega=1.0)
     h = 1e-9
@@ -324,8 +325,7 @@ def test_second_derivatives_where_a_clipped_force_nearly_vanishes(least):
 @pytest.mark.slow
 def test_a_curve_with_jumps_is_validated():
     """Landings need the exponential method, which does not integrate dampers of contacts: the points are compared."""
-    stop = hb.Element([1.0], hb.mechanics.KelvinVoigt(k=4.0, c=0.3, gap=0.5), name="stop")
-    system = hb.System([[1.0]], [[0.1]], [[1.0]], [stop], hb.Load(cosine={1: [0.3]}))
+    system = single_mass(hb.mechanics.KelvinVoigt(k=4.0, c=0.3, gap=0.5), F=0.3, name="stop")
     curve = hb.trace(hb.HarmonicBalance(system, 9), "Omega", (1.2, 1.35))
     assert len(curve.jumps()) == 2
     report = hb.validate(curve, 2, tolerance=1e-3)
@@ -337,7 +337,7 @@ def test_a_curve_with_jumps_is_validated():
 def test_two_sides_without_a_gap_are_a_spring_and_a_damper():
     """Laws without a gap were refused: at d = 0 differences of the force agree, with half of its slope on one side."""
     law, Omega = hb.mechanics.KelvinVoigt(k=5.0, c=0.3, sides=2), (1.8, 2.5)
-    model = hb.System([[1.0]], [[0.1]], [[1.0]], [hb.Element([1.0], law)], hb.Load(cosine={1: [0.2]}))
+    model = single_mass(law, F=0.2)
     curve = hb.trace(hb.HarmonicBalance(model, 9), "Omega", Omega)
     expected = 0.2 / np.abs(6.0 - curve.values**2 + 0.4j * curve.values)
     np.testing.assert_allclose(curve.amplitude("rms"), expected / np.sqrt(2), rtol=1e-9)
@@ -348,8 +348,7 @@ def test_two_sides_without_a_gap_are_a_spring_and_a_damper():
 @pytest.mark.parametrize("mean", [0.1, -0.1])
 def test_contacts_without_a_gap_are_those_of_time_integration(law, mean):
     """With mean = -.1, curves of the first law have jumps, which no integrator passes: they are not compared."""
-    load = hb.Load([mean], {1: [0.2]})
-    model = hb.System([[1.0]], [[0.1]], [[1.0]], [hb.Element([1.0], law(5.0, 0.3))], load)
+    model = single_mass(law(5.0, 0.3), F=0.2, mean=mean)
     curve = hb.trace(hb.HarmonicBalance(model, 32), "Omega", (1.8, 0.6))
     outer = {point.kind for point in curve.special if not point.note.startswith("inner extremum")}
     assert outer == ({"PD"} if mean > 0 else {"GR", "LP"})

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from machines import single_mass
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
@@ -66,8 +67,7 @@ SPECIAL_POINTS_WITHOUT_GAP = [
 
 def stop(k: float = 1e3, gap: float = 0.5) -> hb.System:
     """Return a mass with a stop."""
-    element = hb.Element([1.0], hb.Unilateral(k=k, gap=gap), name="stop")
-    return hb.System([[1.0]], [[0.1]], [[1.0]], [element], hb.Load(cosine={1: [0.3]}))
+    return single_mass(hb.Unilateral(k=k, gap=gap), F=0.3, name="stop")
 
 
 def two_equal_masses(k: float = 10.0) -> hb.System:
@@ -92,8 +92,7 @@ HARD_STOPS = json.loads((Path(__file__).parents[1] / "data/hard_stops.json").rea
     "case", HARD_STOPS, ids=lambda case: "k = {k:g}, c = {c:g}, gap = {gap:g}, {span}".format(**case)
 )
 def test_all_special_points_of_twenty_curves(case: dict[str, Any]) -> None:
-    element = hb.Element([1.0], hb.Unilateral(k=case["k"], gap=case["gap"]))
-    model = hb.System([[1.0]], [[case["c"]]], [[1.0]], [element], hb.Load(cosine={1: [case["F"]]}))
+    model = single_mass(hb.Unilateral(k=case["k"], gap=case["gap"]), F=case["F"], c=case["c"])
     curve = hb.trace(hb.ContactInstants(model), "Omega", case["span"])
     assert curve.status is hb.Status.REACHED_END
     found = sorted((point.kind, point.parameters["Omega"]) for point in curve.special)
@@ -276,8 +275,7 @@ def test_jumps_of_a_hard_stop_land_by_integration() -> None:
 def test_hard_stop_without_a_gap_starts_from_more_harmonics() -> None:
     """16 harmonics do not resolve a contact of 1/70 of the period; the motion is periodic by Runge-Kutta to 1e-7."""
     k, c, F, Omega = 23357.0, 0.2, 0.1, 2.1
-    element = hb.Element([1.0], hb.Unilateral(k=k, gap=0.0), name="stop")
-    system = hb.System([[1.0]], [[c]], [[1.0]], [element], hb.Load(cosine={1: [F]}))
+    system = single_mass(hb.Unilateral(k=k, gap=0.0), F=F, c=c, name="stop")
     curve = hb.trace(hb.HarmonicBalance(system, 16), "Omega", (2.2, Omega))
     assert curve.status is hb.Status.REACHED_END and "traced in contact instants" in curve.message
     known = curve.problem.exact_motion(curve.X[-1], Omega=Omega)
@@ -316,8 +314,7 @@ def test_curve_from_a_file_is_solved_again(curve: hb.Branch, tmp_path) -> None:
 
 def test_a_machine_at_rest_is_traced() -> None:
     """The search for an asymptote divided by the size of the motion."""
-    stop = hb.Element([1.0], hb.Unilateral(k=10.0, gap=0.3))
-    curve = hb.trace(hb.ContactInstants(hb.System([[1.0]], [[0.1]], [[1.0]], [stop])), "Omega", (1.5, 0.6))
+    curve = hb.trace(hb.ContactInstants(single_mass(hb.Unilateral(k=10.0, gap=0.3))), "Omega", (1.5, 0.6))
     assert curve.status is hb.Status.REACHED_END and not curve.amplitude("pp2").any()
 
 
@@ -327,9 +324,7 @@ def test_a_curve_inside_of_the_span_is_found() -> None:
 
     A curve that is traced from its inside in both directions knows the exact motions of all its points.
     """
-    gap = hb.Element([1.0], hb.Backlash(b=0.516, k=16.344))
-    load = hb.Load(constant=[0.001], cosine={1: [0.29]})
-    model = hb.System([[1.0]], [[0.042]], [[0.0]], [gap], load)
+    model = single_mass(hb.Backlash(b=0.516, k=16.344), F=0.29, mean=0.001, c=0.042, k=0.0)
     exact, balance = (hb.trace(one(model, 32), "Omega", (3.0, 0.6)) for one in (hb.ContactInstants, hb.HarmonicBalance))
     assert len(exact.others) == 2 and "2 other curves cover the rest of the span" in exact.message
     found, expected = (
@@ -630,8 +625,7 @@ def test_multipliers_of_a_motion_have_no_truncation_error() -> None:
 @hb.mechanics.model
 def stop_of(k: float = 50.0, gap: float = 0.5, F: float = 0.3) -> hb.System:
     """Return a mass with a stop, with parameters."""
-    element = hb.Element([1.0], hb.Unilateral(k=k, gap=gap), name="stop")
-    return hb.System([[1.0]], [[0.1]], [[1.0]], [element], hb.Load(cosine={1: [F]}))
+    return single_mass(hb.Unilateral(k=k, gap=gap), F=F, name="stop")
 
 
 @pytest.mark.slow

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from machines import Drag
+from machines import Drag, single_mass
 
 from hbgear import Backlash, Cubic, Duffing, Element, HarmonicBalance, Load, SpurPair, System, Unilateral, trace
 from hbgear.continuation.solvers.newton import solve
@@ -74,7 +74,7 @@ def test_a_sampled_law_has_no_folds_of_its_own(samples):
 
 
 def dragged():
-    system = System([[1.0]], [[0.05]], [[0.2]], [Element([1.0], Drag())], Load(cosine={1: [0.8]}))
+    system = single_mass(Drag(), F=0.8, c=0.05, k=0.2)
     problem = HarmonicBalance(system, 15)
     return problem, problem.start(1.1), 1.1
 
@@ -138,8 +138,7 @@ class SteepFriction(Law):
 )
 def test_stated_errors_include_the_effect_of_truncated_harmonics_on_the_others(law, Omega, H):
     """Next to resonance a steep damper returns the force harmonics above H to the motion: stated errors lacked that."""
-    spring = Element([1.0], law)
-    model = System([[1.0]], [[0.01]], [[1.0]], [spring], Load(cosine={1: [0.2]}))
+    model = single_mass(law, F=0.2, c=0.01)
     coarse, fine = HarmonicBalance(model, H), HarmonicBalance(model, 8 * H)
     curve = trace(coarse, "Omega", (Omega, Omega + 1e-4), stability=False, special=False, accuracy=None)
     exact = solve(fine, fine.resized(curve.X[0]), {"Omega": Omega}).X
@@ -156,7 +155,7 @@ def test_stated_errors_along_curves_of_exactly_projected_laws(law):
     One in eight motions is checked with twice the harmonics; every fifth motion is compared with eight times as many.
     Next to a fold the stated error may be that of the curve, which is smaller than that of the motion at its Omega.
     """
-    model = System([[1.0]], [[0.05]], [[1.0]], [Element([1.0], law)], Load(cosine={1: [0.2]}))
+    model = single_mass(law, F=0.2, c=0.05)
     curve = trace(HarmonicBalance(model, 12), "Omega", (0.3, 2.0), stability=False, special=False)
     fine = curve.problem.with_order(1, 8 * curve.problem.H)
     ratios = []

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pytest
+from machines import single_mass
 from scipy.optimize import brentq
 
 import hbgear as hb
@@ -14,7 +15,7 @@ from hbgear.continuation.solvers.newton import solve
 
 
 def with_stop(k: float) -> hb.System:
-    return hb.System([[1.0]], None, [[1.0]], [hb.Element([1.0], hb.Unilateral(k, 1.0), name="stop")])
+    return single_mass(hb.Unilateral(k, 1.0), c=None, name="stop")
 
 
 def exact_motion_with_stop(k: float, A: float) -> tuple[float, float]:
@@ -63,7 +64,7 @@ def errors_against(curve: hb.Branch, finer: hb.Branch, interval: int) -> tuple[f
 @pytest.mark.parametrize("harmonics", [16, 32])
 def test_the_frequency_of_a_stiff_slider_is_less_accurate_than_its_motion(harmonics):
     """With 16 harmonics Omega is 6 % off, and the motion of given amplitude 0.6 %."""
-    model = hb.System([[1.0]], None, [[1.0]], [hb.Element([1.0], hb.mechanics.Jenkins(176.0, 1.0), name="slider")])
+    model = single_mass(hb.mechanics.Jenkins(176.0, 1.0), c=None, name="slider")
     curve = hb.analysis.backbone(model, span=(0.05, 0.5), harmonics=harmonics)
     motion, unknown = errors_against(curve, hb.analysis.backbone(model, span=(0.05, 0.5), harmonics=8 * harmonics), 1)
     assert motion / 3 < curve.error.max() < 3 * motion

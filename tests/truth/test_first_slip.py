@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from machines import chain
+from machines import chain, single_mass
 from scipy.optimize import brentq
 
 import hbgear as hb
@@ -17,8 +17,7 @@ BLADE = {"load": 0.06, "k": 1.0, "limit": 0.1, "c": 0.02}
 
 @hb.mechanics.model
 def blade(load: float = 0.06, k: float = 1.0, limit: float = 0.1, c: float = 0.02) -> hb.System:
-    damper = hb.Element([1.0], hb.mechanics.Jenkins(k, limit), name="damper")
-    return hb.System([[1.0]], [[c]], [[1.0]], [damper], hb.Load(cosine={1: [load]}))
+    return single_mass(hb.mechanics.Jenkins(k, limit), F=load, c=c, name="damper")
 
 
 def excess(Omega, load, k, limit, c):
@@ -312,8 +311,7 @@ def test_jacobian_of_the_equations(kind):
 
 
 def test_a_model_without_parameters_has_no_sensitivities():
-    damper = hb.Element([1.0], hb.mechanics.Jenkins(1.0, 0.1), name="damper")
-    model = hb.System([[1.0]], [[0.02]], [[1.0]], [damper], hb.Load(cosine={1: [0.06]}))
+    model = single_mass(hb.mechanics.Jenkins(1.0, 0.1), F=0.06, c=0.02, name="damper")
     curve = hb.trace(hb.HarmonicBalance(model, 5), "Omega", (1.0, 1.3))
     with pytest.raises(ValueError, match="the model has no parameters; write it as a function"):
         hb.analysis.sensitivity(curve["SL1"])

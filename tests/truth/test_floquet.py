@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import scipy
 from cross.shooting import integrate, state
-from machines import Drag, cantilever, state_matrix
+from machines import Drag, cantilever, single_mass, state_matrix
 
 from hbgear import Backlash, Cubic, Duffing, Element, HarmonicBalance, Load, SpurPair, System, Unilateral, trace
 from hbgear.continuation.solvers.newton import solve
@@ -69,7 +69,7 @@ def damping_integral(problem, X, Omega):
 
 
 def dragged():
-    return System([[1.0]], [[0.05]], [[0.2]], [Element([1.0], Drag())], Load(cosine={1: [0.8]}))
+    return single_mass(Drag(), F=0.8, c=0.05, k=0.2)
 
 
 def chain(n=12):
@@ -304,8 +304,7 @@ STEEP_FRICTION = {
 @pytest.mark.parametrize("Omega", STEEP_FRICTION)
 def test_motions_and_multipliers_with_steep_friction_are_those_of_shooting(Omega):
     """Integration steps of the multipliers are short near velocity reversals: errors below 2e-8."""
-    friction = Element([1.0], SteepFriction(0.1, 0.05))
-    problem = HarmonicBalance(System([[1.0]], [[0.01]], [[1.0]], [friction], Load(cosine={1: [0.2]})), 96)
+    problem = HarmonicBalance(single_mass(SteepFriction(0.1, 0.05), F=0.2, c=0.01), 96)
     X, (rms, multiplier) = problem.start(Omega=Omega), STEEP_FRICTION[Omega]
     assert abs(np.sqrt(0.5 * np.sum(X**2)) - rms) < 1e-9
     assert np.abs(problem.multipliers(X, Omega=Omega) - multiplier).min() < 2e-8

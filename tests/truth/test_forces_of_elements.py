@@ -5,6 +5,7 @@ M q'' + C q' + K q + sum_j w_j p_j = F
 
 import numpy as np
 import pytest
+from machines import single_mass
 
 import hbgear as hb
 from hbgear.analysis.quantities.engineering_quantities import element_force
@@ -15,7 +16,7 @@ UNIT = np.eye(2)
 
 
 def blade(law):
-    return hb.System([[1.0]], [[0.02]], [[1.0]], [hb.Element([1.0], law, name="damper")], hb.Load(cosine={1: [0.3]}))
+    return single_mass(law, F=0.3, c=0.02, name="damper")
 
 
 def rotor(weight=0.0):
@@ -89,13 +90,7 @@ def test_circular_whirl_in_a_hole():
 @pytest.mark.filterwarnings("ignore:no friction slider slips")
 def test_dynamic_factor_of_friction_with_a_mean():
     """A slider that a constant load has moved: the mean force is that of the last turning point."""
-    system = hb.System(
-        [[1.0]],
-        [[0.02]],
-        [[1.0]],
-        [hb.Element([1.0], Jenkins(1.0, 0.2), name="damper")],
-        hb.Load([0.4], cosine={1: [0.05]}),
-    )
+    system = single_mass(Jenkins(1.0, 0.2), F=0.05, mean=0.4, c=0.02, name="damper")
     point = hb.trace(hb.HarmonicBalance(system, 3), "Omega", (0.5, 0.51))[0]
     A = 0.05 / abs(2.0 - 0.25 + 0.01j)  # sticks: stiffness 2, the largest force is the limit
     assert hb.analysis.dynamic_factor(system, point, "damper") == pytest.approx(0.2 / (0.2 - A), rel=1e-6)

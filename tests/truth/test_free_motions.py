@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 import scipy
-from machines import VanDerPol, van_der_pol
+from machines import VanDerPol, single_mass, van_der_pol
 
 import hbgear as hb
 from hbgear.harmonic.models import model_registry
@@ -14,7 +14,7 @@ from hbgear.mechanics.series.fourier import evaluate
 
 
 def unloaded(b: float = 1.0, k: float = 1.0) -> hb.System:
-    return hb.System([[1.0]], None, [[0.0]], [hb.Element([1.0], hb.Backlash(b=b, k=k))])
+    return single_mass(hb.Backlash(b=b, k=k), c=None, k=0.0)
 
 
 def backlash_frequency(A: np.ndarray) -> np.ndarray:
@@ -40,7 +40,7 @@ def test_the_backbone_converges_with_the_harmonics():
 @pytest.mark.parametrize("F, A", [(0.1, 1.4), (0.3, 2.8)])
 def test_a_loaded_backlash_oscillator_leaves_the_linear_frequency_where_contact_is_lost(F, A):
     """x = 1 + F + a cos in contact; free flight under the force F until the flank is met again."""
-    system = hb.System([[1.0]], None, [[0.0]], [hb.Element([1.0], hb.Backlash())], hb.Load(constant=[F]))
+    system = single_mass(hb.Backlash(), mean=F, c=None, k=0.0)
     curve = hb.analysis.backbone(system, span=(0.01, 1.6), harmonics=40)
     at = np.interp(A, curve.amplitude("max"), np.arange(len(curve)))
     near = curve[int(at)]
@@ -65,7 +65,7 @@ def flight_frequency(F: float, a: float) -> float:
 
 def test_a_cubic_oscillator_has_the_frequency_of_its_elliptic_integral():
     k3, zeta = 0.5, 0.0
-    system = hb.System([[1.0]], [[2 * zeta]], [[1.0]], [hb.Element([1.0], hb.Cubic(k3))])
+    system = single_mass(hb.Cubic(k3), c=2 * zeta)
     curve = hb.analysis.backbone(system, span=(0.05, 2.0), harmonics=20)
     x, w = np.polynomial.legendre.leggauss(60)
     angle = math.pi / 4 * (x + 1)
@@ -125,7 +125,7 @@ def test_resonance_lies_on_the_backbone_of_a_lightly_damped_pair():
 def test_backbones_do_not_depend_on_units():
     length, time = 1e-6, 1e3
     curve = hb.analysis.backbone(unloaded(), span=(3.0, 2.0), harmonics=12)
-    scaled = hb.System([[1.0]], None, [[0.0]], [hb.Element([1.0], hb.Backlash(b=length, k=1 / time**2))])
+    scaled = single_mass(hb.Backlash(b=length, k=1 / time**2), c=None, k=0.0)
     other = hb.analysis.backbone(scaled, span=(3.0 * length, 2.0 * length), harmonics=12)
     assert abs(other.tracked["Omega"][-1] * time - curve.tracked["Omega"][-1]) < 1e-9
 
@@ -172,7 +172,7 @@ class Quartic(hb.mechanics.Law):
 
 @hb.mechanics.model
 def subcritical(damping: float = 0.1) -> hb.System:
-    return hb.System([[1.0]], [[damping]], [[1.0]], [hb.Element([1.0], Quartic())])
+    return single_mass(Quartic(), c=damping)
 
 
 @pytest.mark.slow
@@ -390,7 +390,7 @@ class Hysteretic(hb.mechanics.Law):
 
 @hb.mechanics.model
 def hysteretic(slope: float = 0.1, level: float = 0.5) -> hb.System:
-    return hb.System([[1.0]], [[0.01]], [[1.0]], [hb.Element([1.0], Hysteretic(slope, level))])
+    return single_mass(Hysteretic(slope, level), c=0.01)
 
 
 @pytest.mark.slow
@@ -422,8 +422,9 @@ def test_folds_of_limit_cycles_are_followed_to_their_cusp():
 
 
 def test_energy_of_a_slider_that_sticks_is_that_of_its_spring():
-    damper = hb.Element([1.0], hb.mechanics.Jenkins(k=0.5, limit=0.1), name="damper")
-    curve = hb.analysis.backbone(hb.System([[1.0]], [[0.0]], [[1.0]], [damper]), span=(0.01, 0.1), harmonics=3)
+    curve = hb.analysis.backbone(
+        single_mass(hb.mechanics.Jenkins(k=0.5, limit=0.1), c=0.0, name="damper"), span=(0.01, 0.1), harmonics=3
+    )
     assert set(curve.regimes) == {"stick"}  # up to the amplitude 0.2
     np.testing.assert_allclose(hb.analysis.backbone_energy(curve), 1.5 * curve.values**2, rtol=1e-9)
 

@@ -6,7 +6,7 @@ The motions are computed without hbgear: event-exact shooting of x'' + .02 x' + 
 import numpy as np
 import pytest
 import scipy
-from machines import cantilever, chain
+from machines import cantilever, chain, single_mass
 
 import hbgear as hb
 from hbgear.analysis.summary import regime_of
@@ -18,7 +18,7 @@ FOUR = hb.mechanics.Iwan((0.25,) * 4, (0.02, 0.05, 0.1, 0.2))
 
 
 def oscillator(law, load):
-    return hb.System([[1.0]], [[0.02]], [[1.0]], [hb.Element([1.0], law, name="x")], hb.Load(cosine={1: [load]}))
+    return single_mass(law, F=load, c=0.02, name="x")
 
 
 def two_masses():
@@ -147,8 +147,7 @@ def test_coulomb_friction_is_rigid_to_the_root_of_its_flexibility():
     V, U = 1 / (1 - w**2), np.sin(np.pi / w) / (w * (1 + np.cos(np.pi / w)))
     differences = []
     for k, H in ((250.0, 60), (1000.0, 100)):
-        damper = hb.Element([1.0], hb.mechanics.Coulomb(limit, k))
-        model = hb.System([[1.0]], [[0.0]], [[1.0]], [damper], hb.Load(cosine={1: [1.0]}))
+        model = single_mass(hb.mechanics.Coulomb(limit, k), F=1.0, c=0.0)
         largest = hb.trace(hb.HarmonicBalance(model, H), "Omega", (w, w + 1e-3))[0].amplitude("max")
         differences.append(float(largest) / np.sqrt(V**2 - (limit * U) ** 2) - 1)
     assert differences[0] == pytest.approx(2 * differences[1], rel=0.05)
@@ -256,7 +255,7 @@ def test_many_sliders_on_a_fine_mesh(n, count, k, tolerance):
 
 def _moved():
     step = hb.mechanics.Periodic.trapezoidal(0.2, 0.1, 0.3, 0.2)
-    return hb.System([[1.0]], [[0.1]], [[1.0]], [hb.Element([1.0], ONE, displacement=step, name="x")])
+    return single_mass(ONE, displacement=step, name="x")
 
 
 def motion_with_stops(Omega, load, limit, k):
@@ -291,7 +290,7 @@ def motion_with_stops(Omega, load, limit, k):
 def test_the_error_of_motions_with_several_stops_is_stated():
     """Errors were up to 4 times too small, or 14 times too large where a truncated harmonic is in resonance."""
     law = hb.mechanics.Coulomb(0.4, 200.0)
-    system = hb.System([[1.0]], [[0.1]], [[1.0]], [hb.Element([1.0], law, name="x")], hb.Load(cosine={1: [0.45]}))
+    system = single_mass(law, F=0.45, name="x")
     problem = hb.HarmonicBalance(system, 16)
     curve = hb.trace(problem, "Omega", (0.6, 1.5), special=False, stability=False, accuracy=None)
     for Omega in (0.63, 0.774, 0.88, 0.916, 1.32):
@@ -305,7 +304,7 @@ def test_the_error_of_motions_with_several_stops_is_stated():
 def test_the_error_next_to_sticking_is_not_the_distance_from_the_curve():
     """Errors were 4 to 20 times too small where the first Newton step leads to another order of stops."""
     law = hb.mechanics.Coulomb(0.47, 240.0)
-    system = hb.System([[1.0]], [[0.1]], [[1.0]], [hb.Element([1.0], law, name="x")], hb.Load(cosine={1: [0.5]}))
+    system = single_mass(law, F=0.5, name="x")
     problem, finer = hb.HarmonicBalance(system, 16), hb.HarmonicBalance(system, 32)
     curve = hb.trace(problem, "Omega", (0.5, 1.4), special=False, stability=False, accuracy=None)
     weight = np.sqrt(np.append(1.0, np.full(64, 0.5)))

@@ -8,6 +8,7 @@ import json
 
 import numpy as np
 import pytest
+from machines import single_mass
 from scipy.integrate import solve_ivp
 from scipy.io import mmwrite
 
@@ -23,7 +24,7 @@ PRESCRIBED = hb.mechanics.Jenkins(1.0, 0.1, cosine=WAVE[:1], sine=WAVE[1:])
 
 
 def oscillator(law):
-    return hb.System([[1.0]], [[0.02]], [[1.0]], [hb.Element([1.0], law, name="x")], hb.Load(cosine={1: [0.2]}))
+    return single_mass(law, F=0.2, c=0.02, name="x")
 
 
 def foot(gap=-0.1, friction=0.3, k=5.0):

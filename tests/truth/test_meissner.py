@@ -6,6 +6,7 @@ product of three rotations.
 
 import numpy as np
 import pytest
+from machines import single_mass
 
 import hbgear as hb
 
@@ -21,7 +22,7 @@ def rotation(k: float, c: float, time: float) -> np.ndarray:
 
 def oscillator(stiffness, c: float = 0.0) -> hb.System:
     spring = hb.mechanics.PiecewiseLinear((), (1.0,), stiffness=stiffness)
-    return hb.System([[1.0]], [[c]], [[0.0]], [hb.Element([1.0], spring, name="x")])
+    return single_mass(spring, c=c, k=0.0, name="x")
 
 
 @pytest.mark.slow

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from machines import single_mass
 
 import hbgear as hb
 from hbgear.mechanics import Coulomb, RigidFriction
@@ -9,8 +10,7 @@ from hbgear.mechanics.laws.registry import LAWS
 
 
 def oscillator(static, kinetic, zeta=0.0, speed=0.0, force=0.0):
-    friction = hb.Element([1.0], RigidFriction(static, kinetic, speed), name="friction")
-    return hb.System([[1.0]], [[2 * zeta]], [[1.0]], [friction], hb.Load(cosine={1: [force]}))
+    return single_mass(RigidFriction(static, kinetic, speed), F=force, c=2 * zeta, name="friction")
 
 
 def test_mass_on_a_belt_in_closed_form():
@@ -151,7 +151,7 @@ def test_bad_input():
         hb.time.integrate(model, [0.0, 0.0], 1, 1.0, method="exponential")
     both = hb.mechanics.Parallel((RigidFriction(0.6, 0.4), hb.Cubic(1.0)))
     with pytest.raises(ValueError, match="give the friction an element of its own"):
-        hb.time.integrate(hb.System([[1.0]], [[0.0]], [[1.0]], [hb.Element([1.0], both)]), [0.0, 0.0], 1, 1.0)
+        hb.time.integrate(single_mass(both, c=0.0), [0.0, 0.0], 1, 1.0)
     twice = [hb.Element([1.0], RigidFriction(0.6, 0.4), name=name) for name in ("a", "b")]
     with pytest.raises(ValueError, match="'a', 'b' with rigid friction are linearly dependent"):
         hb.time.integrate(hb.System([[1.0]], [[0.0]], [[1.0]], twice), [0.0, 0.0], 1, 1.0)

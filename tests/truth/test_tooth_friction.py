@@ -5,6 +5,7 @@ x'' + 2 zeta x' + along(tau) g(x) = F,    y'' + 2 zeta_y w_y y' + w_y^2 y = acro
 
 import numpy as np
 import pytest
+from machines import single_mass
 
 import hbgear as hb
 from hbgear.continuation.solvers.newton import solve
@@ -16,7 +17,7 @@ def pair(across=True):
     """Return the pair with or without the motion y across the line of action."""
     teeth = hb.mechanics.PiecewiseLinear((-2.0, 0.0), (1.0, 0.0, 1.0), stiffness=ALONG)
     if not across:
-        return hb.System([[1.0]], [[0.1]], [[0.0]], [hb.Element([1.0], teeth)], hb.Load([0.2]))
+        return single_mass(teeth, mean=0.2, k=0.0)
     side = hb.mechanics.Directed(hb.mechanics.PiecewiseLinear((-2.0, 0.0), (1.0, 0.0, 1.0), stiffness=ACROSS))
     elements = [
         hb.Element([1.0, 0.0], teeth),

@@ -7,6 +7,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from machines import single_mass
 
 import hbgear as hb
 from hbgear.harmonic.equations import model_cache
@@ -60,8 +61,7 @@ def in_units(system, L, T, M):
 
 
 def oscillator(K, C, law, F, constant=0.0):
-    load = hb.Load(constant=[constant], cosine={1: [F]})
-    return hb.System([[1.0]], [[C]], [[K]], [hb.Element([1.0], law)], load)
+    return single_mass(law, F=F, mean=constant, c=C, k=K)
 
 
 MACHINES = {
