@@ -26,9 +26,8 @@ from hbgear.io.matrix_files.matrix_market import read_matrix_market
 from hbgear.io.matrix_files.text_matrix import TEXT_SUFFIXES, read_text_matrix
 from hbgear.io.matrix_files.unpacked_size import SPARE, TIMES, check_mtx
 from hbgear.mechanics.models import System
-from hbgear.mechanics.series.fourier import is_listed
 from hbgear.mechanics.structures.elements import Element, Load
-from hbgear.mechanics.structures.matrices import square
+from hbgear.mechanics.structures.matrices import coordinate_names, square
 from hbgear.mechanics.structures.modal_damping import modal_damping
 from hbgear.mechanics.structures.receptances import vector_along
 from hbgear.mechanics.structures.speed_terms import OverSpeed, SpeedTerms
@@ -87,14 +86,8 @@ class Matrices:
             value = getattr(self, name)
             if value is None and name not in NAMES[:2]:
                 continue
-            object.__setattr__(self, name, square(name, value))
-            if getattr(self, name).shape != self.M.shape:
-                raise ValueError(f"{name} has shape {getattr(self, name).shape}; need {self.M.shape}, the shape of M")
-        if not is_listed(self.dof_names) or not all(isinstance(name, str) for name in self.dof_names):
-            raise ValueError(f"Matrices: dof_names = {quoted(self.dof_names)} must be a list of names")
-        names = tuple(self.dof_names) or tuple(f"q{i + 1}" for i in range(self.n))
-        if len(names) != self.n:
-            raise ValueError(f"Matrices: {len(names)} dof_names for {self.n} coordinates; need one for each")
+            object.__setattr__(self, name, square(name, value, None if name == "M" else self.n))
+        names = coordinate_names("Matrices: dof_names", self.dof_names, self.n)
         repeated = next((name for i, name in enumerate(names) if name in names[:i]), None)
         if repeated is not None:
             raise ValueError(f"Matrices: two coordinates are called {quoted(repeated)}; give each another name")

@@ -32,7 +32,7 @@ from hbgear.mechanics.laws.vector_laws import vector_groups
 from hbgear.mechanics.serialization import source_of, to_plain
 from hbgear.mechanics.series.fourier import is_listed
 from hbgear.mechanics.structures.elements import Element, Load, Reaction
-from hbgear.mechanics.structures.matrices import square
+from hbgear.mechanics.structures.matrices import coordinate_names, square
 from hbgear.mechanics.structures.receptances import Receptances
 from hbgear.mechanics.structures.scales import Scales
 from hbgear.mechanics.structures.speed_terms import SpeedTerms
@@ -258,8 +258,8 @@ class System(Model):  # numpydoc ignore=PR02
         set_ = object.__setattr__
         set_(self, "M", square("M", self.M))
         n = self.M.shape[0]
-        set_(self, "C", square("C", np.zeros((n, n)) if self.C is None else self.C))
-        set_(self, "K", square("K", self.K))
+        set_(self, "C", square("C", np.zeros((n, n)) if self.C is None else self.C, n))
+        set_(self, "K", square("K", self.K, n))
         if not is_listed(self.elements):
             raise ValueError("a System takes its elements in a list: elements=[...]")
         elements = tuple(self.elements)
@@ -271,12 +271,7 @@ class System(Model):  # numpydoc ignore=PR02
         if not is_single and not (is_listed(self.load) and all(isinstance(load, Load) for load in self.loads)):
             raise ValueError(f"load = {quoted(self.load)}: need a Load, or a list of them")
         loads = self.loads
-        if not is_listed(self.dof_names) or not all(isinstance(name, str) for name in self.dof_names):
-            raise ValueError(f"dof_names = {self.dof_names!r} must be a list of names, one for each coordinate")
-        names = tuple(self.dof_names) or tuple(f"q{i + 1}" for i in range(n))
-        for name in ("C", "K"):
-            if getattr(self, name).shape != (n, n):
-                raise ValueError(f"{name} has shape {getattr(self, name).shape}; need {(n, n)}, the shape of M")
+        names = coordinate_names("System: dof_names", self.dof_names, n)
         check("System", "speed", self.speed, SpeedTerms | None)
         if self.speed is not None:
             self.speed.check(n)
@@ -288,8 +283,6 @@ class System(Model):  # numpydoc ignore=PR02
         for vector in (v for load in loads for v in load.vectors()):
             if vector.shape != (n,):
                 raise ValueError(f"a load vector has shape {vector.shape}; need ({n},)")
-        if len(names) != n:
-            raise ValueError(f"{len(names)} dof_names for {n} coordinates")
         check("System", "receptances", self.receptances, Receptances | None)
         for name in self.receptances.names if self.receptances is not None else ():
             if names.count(name) != 1:

@@ -222,7 +222,7 @@ def bent(second, length=0.2, z=0.0):
             "needs springs x or y",
         ),
         (lambda: hb.gears.Bearing("a", clearance="3 um"), "needs springs x or y"),
-        (lambda: hb.gears.Housing(np.eye(2), np.eye(3)), "as M has"),
+        (lambda: hb.gears.Housing(np.eye(2), np.eye(3)), "the shape of M"),
         (lambda: hb.gears.Housing(np.eye(2), np.full((2, 2), np.nan)), "not finite"),
         (lambda: hb.gears.Housing(np.eye(2), np.eye(2), names=["a"]), "1 names for 2"),
         (lambda: hb.gears.Housing(np.eye(2), np.eye(2), seats={"pinion": {"x": "h3"}}), "no coordinate 'h3'"),

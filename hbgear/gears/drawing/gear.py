@@ -28,6 +28,7 @@ from typing import Any
 
 import numpy as np
 
+from hbgear.common.argument_checks import check
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import ANY, NOT_NEGATIVE, POSITIVE, Range, checked, counted
 from hbgear.common.text.messages import quoted
@@ -166,8 +167,7 @@ class Gear:  # numpydoc ignore=PR02
     def __post_init__(self) -> None:
         counted("Gear: teeth", self.teeth, 10_000, least=5)
         for name in ("internal", "rack"):
-            if not isinstance(getattr(self, name), bool):
-                raise ValueError(f"Gear: {name} = {getattr(self, name)!r} must be True or False")
+            check("Gear", name, getattr(self, name), bool)
         if self.rack:
             _check_rack(self)
         if self.tip_diameter is not None and self.tip_alteration is not None:

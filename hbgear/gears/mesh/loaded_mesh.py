@@ -36,10 +36,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-from hbgear.common.argument_checks import checked_arguments
+from hbgear.common.argument_checks import check, checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import counted
-from hbgear.common.text.messages import quoted
 from hbgear.common.units import to_si
 from hbgear.gears.drawing.gear import Gear
 from hbgear.gears.drawing.pair import GearPair
@@ -87,8 +86,7 @@ def loaded_mesh(
     "secant" or "tangent" stiffness of the loaded mesh. ValueError is raised if an argument is not valid.
     """
     torque = loading_torque("GearPair.mesh", torque)
-    if not isinstance(linearized, str) or linearized not in ("secant", "tangent"):
-        raise ValueError(f"GearPair.mesh: linearized = {quoted(linearized)} must be 'secant' or 'tangent'")
+    check("GearPair.mesh", "linearized", linearized, Literal["secant", "tangent"])
     counted("GearPair.mesh: phases", phases, 100_000, least=8)
     if slices is None:
         slices = max(24, 24 * ceil(pair.overlap_ratio)) if pair.overlap_ratio else 24 if pair.is_uneven else 1

@@ -16,8 +16,7 @@ import numpy as np
 from hbgear.common.arrays import Array
 from hbgear.common.text.messages import did_you_mean, quoted
 from hbgear.gears.pairs.support import AXES
-from hbgear.mechanics.series.fourier import is_listed
-from hbgear.mechanics.structures.matrices import square
+from hbgear.mechanics.structures.matrices import coordinate_names, square
 
 SEAT_DIRECTIONS = AXES[:3]
 """Directions in which a bearing can be attached to a housing."""
@@ -63,17 +62,9 @@ class Housing:  # numpydoc ignore=PR02
         for name in ("M", "K", "C"):
             if getattr(self, name) is None and name == "C":
                 set_(self, "C", np.zeros(self.M.shape))
-            matrix = square(f"Housing: {name}", getattr(self, name))
+            matrix = square(f"Housing: {name}", getattr(self, name), None if name == "M" else self.n)
             set_(self, name, matrix.toarray() if hasattr(matrix, "toarray") else matrix)
-            if getattr(self, name).shape != self.M.shape:
-                raise ValueError(
-                    f"Housing: {name} has shape {getattr(self, name).shape}; need {self.M.shape}, as M has"
-                )
-        if not is_listed(self.names) or not all(isinstance(name, str) for name in self.names):
-            raise ValueError(f"Housing: names = {quoted(self.names)} must be a list of names")
-        set_(self, "names", tuple(self.names) or tuple(f"h{i + 1}" for i in range(self.n)))
-        if len(self.names) != self.n:
-            raise ValueError(f"Housing: {len(self.names)} names for {self.n} coordinates; need one for each")
+        set_(self, "names", coordinate_names("Housing: names", self.names, self.n, "h"))
         if not isinstance(self.seats, Mapping) or not all(isinstance(x, Mapping) for x in self.seats.values()):
             raise ValueError(
                 f"Housing: seats = {quoted(self.seats)} must be a dict such as {{'pinion': {{'x': 'h1'}}}}"

@@ -11,7 +11,6 @@ from typing import ClassVar
 
 import numpy as np
 
-from hbgear.common.argument_checks import check
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import Range
 from hbgear.common.text.messages import did_you_mean, quoted
@@ -76,8 +75,6 @@ class TrainLayout(Model):
                 raise ValueError(f"Train: {name} = {quoted(items)} must be a list of {kind.__name__}(...)")
             object.__setattr__(self, name, tuple(items))
         super().__post_init__()
-        check("Train", "gyroscopic", self.gyroscopic, bool)
-        check("Train", "housing", self.housing, Housing | None)
         if not self.meshes:
             raise ValueError("Train: give at least one Mesh(...)")
         names = [wheel.name for wheel in self.wheels]

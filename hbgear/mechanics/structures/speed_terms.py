@@ -258,10 +258,7 @@ def _value(name: str, term: OverSpeed | None, Omega: float, n: int) -> Any:
         return 0.0
     if isinstance(term, MatrixTable):
         return term(Omega)
-    A = square(f"{name} at Omega = {Omega:g}", term(Omega))
-    if A.shape != (n, n):
-        raise ValueError(f"{name} at Omega = {Omega:g} has shape {A.shape}; need {(n, n)}, the shape of M")
-    return A
+    return square(f"{name} at Omega = {Omega:g}", term(Omega), n)
 
 
 def _slope(name: str, term: OverSpeed | None, Omega: float, n: int) -> Any:
