@@ -145,14 +145,15 @@ Changes = Annotated[
 
 First = Annotated[
     str | None,
-    typer.Option("--from", help="Start: Omega, or a speed such as 9000r/min or 2500Hz.", show_default="from the model"),
+    typer.Option(
+        "--from",
+        help="Start: Omega, or with a unit the speed of the pinion (9000r/min) or the mesh frequency (2500Hz).",
+        show_default="from the model",
+    ),
 ]
 
 
-Last = Annotated[
-    str | None,
-    typer.Option("--to", help="End: Omega, or a speed such as 9000r/min or 2500Hz.", show_default="from the model"),
-]
+Last = Annotated[str | None, typer.Option("--to", help="End, as --from.", show_default="from the model")]
 
 
 def range_option(text: str) -> Any:

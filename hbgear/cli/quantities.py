@@ -84,9 +84,14 @@ def deviation_of(labels: Mapping[str, str], option: str, name: str, text: str) -
 
 
 def value_in_model(model: hb.mechanics.Model, option: str, name: str, text: str) -> float:
-    """Return the value of a parameter of a model, or of Omega, see `parameter_value` and `Omega_of`."""
+    """Return the value of a parameter of a model, or of Omega, see `parameter_value` and `Omega_of`.
+
+    KeyError is raised if the value has a unit and the model has no such parameter.
+    """
     if name in ("Omega", SPEED):
         return Omega_of(model, f"{option} {name}", text)
+    if name not in model.labels and not is_number(text):
+        check_parameter(model, name)
     return parameter_value(model.labels, option, name, text)
 
 

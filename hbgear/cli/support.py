@@ -30,7 +30,8 @@ def assignments(option: str, texts: list[str]) -> list[tuple[str, str]]:
     for text in texts:
         name, equals, value = (part.strip() for part in text.partition("="))
         if not (name and equals and value):
-            raise ValueError(f"{option} {text}: need NAME=VALUE, such as {option} {name or 'zeta'}=0.05")
+            example = f"{name}=0.05" if name.isidentifier() else "Omega=0.9" if option == "--at" else "zeta=0.05"
+            raise ValueError(f"{option} {text}: need NAME=VALUE, such as {option} {example}")
         if name in dict(pairs):
             raise ValueError(f"{option} {text}: {name} is already given as {dict(pairs)[name]}; give it once")
         pairs.append((name, value))
@@ -64,9 +65,9 @@ def range_of(
         raise ValueError(
             f"--in {text}: need its range too, such as --in {name or 'zeta'}={example} (--from and --to are in Omega)"
         )
-    labels = {} if model is None else model.labels
-    bounds = [parameter_value(labels, "--in", name, text) for text in (low, high)]
-    return name, (bounds[0], bounds[1])
+    if model is None:
+        return name, (number_of(f"--in {name}", low), number_of(f"--in {name}", high))
+    return named(name), (value_in_model(model, "--in", name, low), value_in_model(model, "--in", name, high))
 
 
 def path_of(
@@ -86,6 +87,7 @@ def path_of(
         parameter, span = "Omega", span_of(model, first, last)
     else:
         parameter, span = range_of(within, model, first, last)
+        check_parameter(model, parameter)
         if first is not None or last is not None:
             raise ValueError(
                 f"--in {within}: {parameter} is the continuation parameter; omit --from and --to, which are in Omega"

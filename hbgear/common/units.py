@@ -16,6 +16,7 @@ from typing import Any, overload
 
 from hbgear.common.ranges import ANY, Range, checked
 from hbgear.common.text.messages import quoted
+from hbgear.common.text.unit_spellings import plain_unit
 
 EXAMPLES = {
     "m": "'3 mm'",
@@ -25,6 +26,7 @@ EXAMPLES = {
     "kg": "'0.7 kg'",
     "kg m^2": "'0.0005 kg m^2'",
     "N": "'50 N'",
+    "rad/s": "'1500 r/min'",
     "Pa": "'206 GPa'",
     "kg/m^3": "'7850 kg/m^3'",
     "N m/rad": "'1e6 N m/rad'",
@@ -38,9 +40,15 @@ def _example(unit: str) -> str:
     return EXAMPLES.get(unit, f"'10 {unit}'")
 
 
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+"""A decimal number."""
+
 _QUANTITY = r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?\s*[^\W\d_]?[\w\s/*.%°-]*(\^-?\d[\w\s/*-]*)*"
 """A number and a possible unit: letters, products, quotients and whole powers."""
 
+
+_HAS_ANGLE = r"rad|deg|°|r/min|rpm|rps|rev|turn|cycle"
+"""Units of which a unit of rotational speed has one; 1/s and Hz may be revolutions or radians."""
 
 _PRODUCT_ROUNDING = 2.5e-16
 """Relative rounding error of the product of a number and the factor of a unit."""
@@ -53,7 +61,7 @@ USUAL = {
     "N/m": {"N/m": 1.0},
     "kg": {"kg": 1.0},
     "kg m^2": {"kg m^2": 1.0},
-    "rad/s": {"rad/s": 1.0, "r/min": pi / 30, "rpm": pi / 30},
+    "rad/s": {"rad/s": 1.0, "r/min": pi / 30},
 }
 """Factors of the usual units of each SI unit, equal to those of Pint."""
 
@@ -121,20 +129,24 @@ def known_unit(unit: str) -> bool:
 
 def _converted(owner: str, name: str, value: Any, unit: str) -> float:
     """Return the number of a text or a quantity in a unit."""
-    if isinstance(value, str) and (usual := _usual(value.strip(), unit)) is not None:
-        return _short(usual)
+    if isinstance(value, str):
+        for text in (value.strip(), _in_plain_units(value.strip())):
+            if (usual := _usual(text, unit)) is not None:
+                return _short(usual)
     need = f"a quantity in {unit} with its unit, such as {_example(unit)}" if unit else "a number"
     refusal = ValueError(f"{owner}: {name} = {quoted(value)} must be {need}{decimal_mark(value)}")
     import pint
 
+    if unit == "rad/s" and not re.search(_HAS_ANGLE, str(getattr(value, "units", value)).lower()):
+        raise refusal  # Pint reads 50 Hz and 3000 1/min as radians per time
     if isinstance(value, str):
-        text = value.strip()
+        text = _in_plain_units(value.strip())
         if unit and re.fullmatch(r"[-+]?[\d.]+(?:[eE][-+]?\d+)?", text):
             raise ValueError(f"{owner}: {name} = {quoted(value)} has no unit; give one, such as {_example(unit)}")
         if len(text) > 60 or not re.fullmatch(_QUANTITY, text):
             raise refusal  # a unit alone, or an expression, whose evaluation may take very long
         try:
-            value = _registry()(text.replace("r/min", "rpm")) if "**" not in text else None
+            value = _registry()(text.replace("r/min", "rpm").replace("r/s", "turn/s")) if "**" not in text else None
         except (pint.PintError, ValueError, TypeError, AttributeError, ArithmeticError, SyntaxError, AssertionError):
             raise refusal from None
     try:
@@ -152,9 +164,15 @@ def _converted(owner: str, name: str, value: Any, unit: str) -> float:
 
 def _usual(text: str, unit: str) -> float | None:
     """Return the number of a quantity in a usual unit; None for other units."""
-    match = re.fullmatch(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(\D.*)", text, re.ASCII)
+    match = re.fullmatch(rf"({_NUMBER})\s*(\D.*)", text, re.ASCII)
     factor = USUAL.get(unit, {}).get(match[2]) if match and len(text) <= 60 else None
     return None if match is None or factor is None else float(match[1]) * factor
+
+
+def _in_plain_units(text: str) -> str:
+    """Return a quantity with its unit in the spelling of Pint: "3000 r/min" for "3000 U/min" or "3000 1/min"."""
+    match = re.fullmatch(rf"((?>{_NUMBER}))(?:\s*([^\W\d].*|[/°].*)|\s+(1\s*/.*))", text)
+    return f"{match[1]} {plain_unit(match[2] or match[3])}" if match and len(text) <= 60 else text
 
 
 def _short(exact: float) -> float:

@@ -42,6 +42,16 @@ class Thing:
         ("206 GPa", "Pa", 206e9),
         ("3e8 N/m", "N/m", 3e8),
         ("60 r/min", "rad/s", 6.28318530717959),
+        ("60/min", "rad/s", 6.28318530717959),
+        ("60 1/min", "rad/s", 6.28318530717959),
+        ("60 min⁻¹", "rad/s", 6.28318530717959),
+        ("60 U/min", "rad/s", 6.28318530717959),
+        ("60 RPM", "rad/s", 6.28318530717959),
+        ("1 rev/s", "rad/s", 6.28318530717959),
+        ("60 rad/min", "rad/s", 1.0),
+        ("200 N·m", "N m", 200.0),
+        ("0.5 kg·m²", "kg m^2", 0.5),
+        ("10 N/(mm·µm)", "N/m^2", 1e10),
         ("-12 deg", "rad", -0.20943951023932),
     ],
 )
@@ -70,6 +80,8 @@ def test_a_pint_quantity_is_read():
         (None, "m", "finite"),
         ("", "m", "must be a quantity"),
         ("1e999 m", "m", "finite"),
+        ("50 Hz", "rad/s", "must be a quantity in rad/s .* such as '1500 r/min'"),
+        ("50 1/s", "rad/s", "must be a quantity in rad/s"),
         ("3 mm; 4", "m", "must be a quantity"),
         ([1], "m", "finite"),
     ],
@@ -132,6 +144,15 @@ def test_units_that_end_in_an_operator_are_refused(text):
 def test_messages_have_an_example_of_any_unit(value, unit, example):
     with pytest.raises(ValueError, match=example):
         to_si("A", "b", value, unit)
+
+
+def test_a_speed_without_its_unit_is_refused():
+    """Omega = 9000 of this pair would be 1.3e8 r/min."""
+    pair = hb.SpurPair(reference=(38000.0, 37.6e-6, 15000.0, 25))
+    with pytest.raises(ValueError, match=r"--to 9000: Omega = 9000 is a speed of 1.3e\+08 r/min; .* --to 9000r/min"):
+        Omega_of(pair, "--to", "9000")
+    assert Omega_of(hb.SpurPair(), "--to", "9000") == 9000.0  # no scales: a warning follows from the modes
+    assert Omega_of(pair, "--to", "9000/min") == Omega_of(pair, "--to", "9000 r/min")
 
 
 @pytest.mark.parametrize("text", ["1,5", "9000,5 r/min", "+,5"])

@@ -22,6 +22,9 @@ from hbgear.mechanics.structures.scales import Scales
 MESH, PINION = "mesh Hz", "pinion r/min"
 """Keys of the mesh frequency [Hz] and the pinion speed [r/min]."""
 
+_MAX_SPEED = 1e6
+"""Largest speed of a pinion [r/min]; micro-turbines reach 5e5. A larger Omega was meant as a speed."""
+
 
 def model_of(branch: Branch) -> Model | None:
     """Return the model of a branch, from its problem or from its file header; None if it is unknown."""
@@ -91,7 +94,7 @@ def Omega_of(model: Model, setting: str, text: str) -> float:
     """Return a frequency as Omega: a number is Omega, r/min is the speed of the pinion, Hz is the mesh frequency.
 
     ``setting`` is the name of the option, for messages. ValueError is raised if the text is no finite number or
-    frequency, or the model has no scales.
+    frequency, the model has no scales, or the speed is beyond that of any machine.
 
     Examples
     --------
@@ -108,6 +111,12 @@ def Omega_of(model: Model, setting: str, text: str) -> float:
         value = math.nan
     if not math.isfinite(value):
         raise ValueError(f"{setting}={text}: need a finite number{decimal_mark(text)}")
+    speed = speeds_at(model, {"Omega": value}).get(PINION, 0.0)
+    if abs(speed) > _MAX_SPEED:
+        raise ValueError(
+            f"{setting} {text}: Omega = {value:g} is a speed of {speed:.2g} r/min; give a speed with its unit, such as "
+            f"{setting} 9000r/min"
+        )
     return value
 
 

@@ -11,10 +11,11 @@ import numpy as np
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.text.messages import quoted
+from hbgear.common.text.unit_spellings import plain_unit
 from hbgear.common.units import known_unit
 from hbgear.gears.mesh.mesh_cycle import MeshTable
 from hbgear.io.tables.table_reader import DataTable, Kind, named, read_data_table, split
-from hbgear.io.tables.table_units import ANGLE, factor_of, plain_unit
+from hbgear.io.tables.table_units import ANGLE, factor_of
 
 PERIODICITY_TOLERANCE = 1e-3
 """Largest difference between the first and last value of a cycle, relative to the range of values."""

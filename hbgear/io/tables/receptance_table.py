@@ -12,8 +12,9 @@ from math import pi
 import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
+from hbgear.common.text.unit_spellings import plain_unit
 from hbgear.io.tables.table_reader import Column, Kind, read_data_table
-from hbgear.io.tables.table_units import ANGLE, FREQUENCY, factor_of, plain_unit
+from hbgear.io.tables.table_units import ANGLE, FREQUENCY, factor_of
 
 QUANTITIES = {
     "receptance": ("m/N", "rad/(N m)", "1/N"),

@@ -18,8 +18,8 @@ import numpy as np
 from hbgear.common.arrays import Array
 from hbgear.common.text.decoding import bytes_of_file
 from hbgear.common.text.messages import quoted
+from hbgear.common.text.unit_spellings import plain_unit
 from hbgear.io.tables.table_text import Row, TableText, decoded, number_of_cell, table_text, why_no_number
-from hbgear.io.tables.table_units import plain_unit
 
 
 @dataclass(frozen=True)
