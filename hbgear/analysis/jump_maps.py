@@ -130,7 +130,7 @@ class JumpMap:
 
     @property
     def special(self) -> tuple[SpecialPoint, ...]:
-        """All special points of the fold curves, also 1:1 resonances (RI) and fold-flips (FF)."""
+        """All special points of the fold curves, also 1:1 resonances (RI), fold-flips (FF) and LPNS."""
         return tuple(p for fold in self.folds for p in fold.special)
 
     @checked_arguments()

@@ -59,11 +59,14 @@ def follow(
     RIII  NS                  1:3 resonance
     RIV   NS                  1:4 resonance
     FF    LP, PD              fold-flip, multipliers +1 and -1
+    LPNS  LP, NS              fold-Neimark-Sacker, a multiplier +1 and a pair on the unit circle
+    PDNS  PD, NS              flip-Neimark-Sacker, a multiplier -1 and a pair on the unit circle
+    NSNS  NS                  double Neimark-Sacker, two pairs on the unit circle
     GPD   PD                  generalised period doubling: the doubled branch turns over
     ====  ==================  ======================================================================================
 
-    Other points than CP, IC, RIII and RIV need a harmonic balance whose laws have slopes, without friction and contacts
-    with dampers. Points of curves in contact instants are followed in contact instants, with CP, IC, RI and RII.
+    RI, RII, FF and GPD need a harmonic balance whose laws have slopes, without friction and contacts with dampers.
+    Points of curves in contact instants are followed in contact instants, with CP, IC, RI and RII.
 
     Parameters
     ----------

@@ -31,14 +31,14 @@ def switch(
 
     At a resonance 1:1 or 1:2 (RI, RII) of a curve of folds or period doublings in two parameters, see `follow`, the new
     branch is the curve of Neimark-Sacker points that begins there. At the end of such a curve it is the curve of folds
-    or period doublings.
+    or period doublings. At LPNS, PDNS and NSNS it is the other curve of special points that passes there.
 
     Parameters
     ----------
     branch : Branch
         Branch with its problem.
     label : str
-        Label of a PD or BP of the branch, or of an RI or RII of a curve of special points.
+        Label of a PD or BP of the branch, or of an RI, RII, LPNS, PDNS or NSNS of a curve of special points.
     span : (float, float), optional
         Span of the parameter. The default is the range of the branch. The new branch ends where it leaves the span,
         closes, or meets the old one again.
@@ -83,6 +83,6 @@ def switch(
         problem, start = departure
         return trace(problem, branch.parameter, span, start, **options)
     raise ValueError(
-        f"{label} is {article(point.kind)}; no other branch leaves there: choose a PD or BP, or an RI or "
-        "RII of a curve in two parameters"
+        f"{label} is {article(point.kind)}; no other branch leaves there: choose a PD or BP, or an RI, "
+        "RII, LPNS, PDNS or NSNS of a curve in two parameters"
     )

@@ -28,7 +28,7 @@ class Stiff(hb.Event):
 
 
 def test_registered_events_have_meaning_and_default():
-    two = ["CP", "IC", "RI", "RII", "RIII", "RIV", "FF", "GPD"]
+    two = ["CP", "IC", "RI", "RII", "RIII", "RIV", "FF", "LPNS", "PDNS", "NSNS", "GPD"]
     assert list(KINDS) == ["LP", "PD", "NS", "BP", "GR", "SL", *two, "EP", "PK"]
     assert list(optional_events()) == ["PK"] and not EVENTS["PK"].default
     assert all(EVENTS[name].default for name in KINDS if name != "PK")

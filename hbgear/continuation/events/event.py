@@ -420,7 +420,10 @@ def is_marker(text: str) -> bool:
     return isinstance(text, str) and len(text) == 1 and text in MARKERS
 
 
-RESERVED = ("LP", "CP", "IC", "BP", "PD", "NS", "GR", "SL", "PK", "EP", "RI", "RII", "RIII", "RIV", "FF", "GPD")
+RESERVED = (
+    *("LP", "CP", "IC", "BP", "PD", "NS", "GR", "SL", "PK", "EP"),
+    *("RI", "RII", "RIII", "RIV", "FF", "LPNS", "PDNS", "NSNS", "GPD"),
+)
 """Kinds reserved by hbgear, which events of users cannot have."""
 
 

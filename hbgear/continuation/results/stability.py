@@ -7,6 +7,8 @@ The multipliers mu_j are the growth factors of small disturbances of a solution 
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -58,14 +60,17 @@ MAX_DETERMINANT_MODULUS = 1e6
 """Modulus to which multipliers are limited in the determinant, so that products do not overflow."""
 
 
-def product_of_pairs(multipliers: ComplexArray) -> float:
-    """Return the product of mu_i mu_j - 1 over all pairs i < j of the multipliers (r,), with factors limited to 1.
+def sign_of_pairs(multipliers: ComplexArray) -> float:
+    """Return the smallest |mu_i mu_j - 1| over all pairs i < j of the multipliers (r,), with the sign of their product.
 
-    It is zero where a complex pair is on the unit circle, and at neutral saddles, where the pair is real.
+    It is zero where a complex pair is on the unit circle, and at neutral saddles, where the pair is real. The product
+    of all factors would underflow with many multipliers.
     """
     first, second = np.triu_indices(len(multipliers), 1)
     factors = multipliers[first] * multipliers[second] - 1
-    return float((factors / np.maximum(np.abs(factors), 1.0)).prod().real)
+    sizes = np.abs(factors)
+    smallest = float(sizes.min(initial=1.0))
+    return math.copysign(smallest, float((factors / sizes).prod().real)) if smallest > 0 else 0.0
 
 
 def stability_codes(multipliers: ComplexArray, modulus_error: Array) -> NDArray[np.int_]:

@@ -22,7 +22,7 @@ from hbgear.continuation.results.point import Point
 from hbgear.harmonic.balance.equations import HarmonicEquations
 from hbgear.harmonic.balance.postprocess import postprocess
 from hbgear.harmonic.balance.resolution import add_resolution_error
-from hbgear.harmonic.bifurcations.codimension_two import events_of_codimension_two
+from hbgear.harmonic.bifurcations.codimension_two.curves import events_of_codimension_two
 from hbgear.harmonic.bifurcations.events import motion_events
 from hbgear.harmonic.bifurcations.no_contact import FirstContact
 from hbgear.harmonic.equations import motion
@@ -253,7 +253,7 @@ class PeriodicMotions(HarmonicEquations):
         return (FirstContact(),) if self.pins else motion_events(self.nu, bool(self.compiled({}).sliders))
 
     def codimension_two_events(self, curve: Any) -> tuple[Event, ...]:
-        """Return resonances, fold-flips and generalised period doublings along a curve of special points."""
+        """Return the events of codimension two along a curve of special points."""
         return events_of_codimension_two(curve)
 
     def verify_stability(

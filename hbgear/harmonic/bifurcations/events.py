@@ -15,13 +15,17 @@ from hbgear.continuation.events.fold import CuspEvent, FoldEvent, IsolaCentreEve
 from hbgear.continuation.events.registry import EVENTS, RegisteredEvent
 from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.results.point import SpecialPoint
-from hbgear.harmonic.bifurcations.codimension_two import (
+from hbgear.harmonic.bifurcations.codimension_two.generalised_doubling import GeneralisedDoublingEvent
+from hbgear.harmonic.bifurcations.codimension_two.other_multipliers import (
+    PairOnFlipEvent,
+    PairOnFoldEvent,
+    PairOnPairEvent,
+)
+from hbgear.harmonic.bifurcations.codimension_two.pair_resonances import FourthResonanceEvent, ThirdResonanceEvent
+from hbgear.harmonic.bifurcations.codimension_two.resonances import (
     FirstResonanceEvent,
     FlipOnFoldEvent,
-    FourthResonanceEvent,
-    GeneralisedDoublingEvent,
     SecondResonanceEvent,
-    ThirdResonanceEvent,
 )
 from hbgear.harmonic.bifurcations.grazing import GrazingEvent
 from hbgear.harmonic.bifurcations.multiplier_events import (
@@ -63,6 +67,9 @@ EVENTS.update(
         ThirdResonanceEvent,
         FourthResonanceEvent,
         FlipOnFoldEvent,
+        PairOnFoldEvent,
+        PairOnFlipEvent,
+        PairOnPairEvent,
         GeneralisedDoublingEvent,
         PeriodDoublingMergeEvent,
     )

@@ -38,7 +38,7 @@ from hbgear.continuation.numerics.linear import norm, norms
 from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import SpecialPoint
-from hbgear.continuation.results.stability import STABILITY_TOLERANCE, product_of_pairs, scaled_determinant
+from hbgear.continuation.results.stability import STABILITY_TOLERANCE, scaled_determinant, sign_of_pairs
 from hbgear.continuation.results.status import Status
 from hbgear.continuation.solvers.newton import SEARCH_ERRORS, SOLVER_ERRORS, refine, solve
 from hbgear.harmonic.bifurcations.monitored import (
@@ -122,7 +122,7 @@ class PeriodDoublingEvent(BuiltInEvent):
         rough = locate_root(
             segment, self, lambda point: float(scaled_determinant(multipliers_at(segment, point)[None], -1.0)[0])
         )
-        return rough if extended is None else _refine_root(segment, rough, extended)
+        return rough if extended is None else refine_root(segment, rough, extended)
 
     def deviation(self, multipliers: ComplexArray) -> float:
         """Return the distance of the nearest multiplier from -1."""
@@ -150,7 +150,7 @@ def _without_clean_passages(
     return [candidate for candidate, is_clean in zip(candidates, clean, strict=True) if not is_clean]
 
 
-def _refine_root(segment: Segment, rough: LocatedEvent, extended: MinimallyAugmentedProblem) -> LocatedEvent:
+def refine_root(segment: Segment, rough: LocatedEvent, extended: MinimallyAugmentedProblem) -> LocatedEvent:
     """Refine a root of a function of the multipliers by Newton's method on more accurate equations.
 
     The rough root is returned if the refined one is not near or lies beyond the farther end, where it is another point,
@@ -295,7 +295,7 @@ class NeimarkSackerEvent(BuiltInEvent):
             points = [segment.a, *(segment.at(s) for s in fractions[1:-1]), segment.b]
         except SOLVER_ERRORS:
             return []
-        values = [product_of_pairs(multipliers_at(segment, point)) for point in points]
+        values = [sign_of_pairs(multipliers_at(segment, point)) for point in points]
         located = []
         for low, (a, b), (first, second) in zip(fractions, pairwise(points), pairwise(values), strict=False):
             if first * second >= 0:
@@ -304,7 +304,7 @@ class NeimarkSackerEvent(BuiltInEvent):
             root = locate_root(
                 subsegment,
                 self,
-                lambda point: product_of_pairs(multipliers_at(segment, point)),
+                lambda point: sign_of_pairs(multipliers_at(segment, point)),
                 fine=PAIR_LOCATION_TOLERANCE,
             )
             pairs = np.abs(complex_multipliers(multipliers_at(segment, root.point)))
@@ -336,7 +336,7 @@ class NeimarkSackerEvent(BuiltInEvent):
         if equations is None:
             return located
         rough = replace(located, event=event)
-        refined = _refine_root(segment, rough, equations)
+        refined = refine_root(segment, rough, equations)
         return rough if _leaves_segment(segment, mu, refined) else refined
 
     def _locate_simultaneous(self, segment: Segment, ends: ComplexArray) -> list[LocatedEvent]:

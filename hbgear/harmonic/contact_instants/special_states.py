@@ -13,7 +13,7 @@ from hbgear.continuation.results.point import Point, SpecialPoint
 from hbgear.continuation.results.termination import raise_if_interrupted
 from hbgear.continuation.solvers.newton import NoConvergence
 from hbgear.continuation.tracing.trace import trace
-from hbgear.harmonic.bifurcations.codimension_two import FirstResonanceEvent, SecondResonanceEvent
+from hbgear.harmonic.bifurcations.codimension_two.resonances import FirstResonanceEvent, SecondResonanceEvent
 from hbgear.harmonic.instants.corrector import CurveState
 from hbgear.harmonic.instants.pattern import InconsistentPatternError
 from hbgear.harmonic.instants.shooting import SIMULTANEOUS_SWITCHES

@@ -19,7 +19,7 @@ import numpy as np
 import scipy
 
 from hbgear.common.arrays import Array, ComplexArray
-from hbgear.continuation.results.stability import product_of_pairs
+from hbgear.continuation.results.stability import sign_of_pairs
 from hbgear.continuation.solvers.newton import NoConvergence
 from hbgear.harmonic.instants.corrector import CurveState, Family, correct, jacobian, tangent_of
 from hbgear.harmonic.instants.shooting import Linearisation, monodromy_matrix, multipliers_of
@@ -91,8 +91,8 @@ def doubling_test(mu: ComplexArray) -> float:
 
 
 def pair_test(mu: ComplexArray) -> float:
-    """Return the product of mu_i mu_j - 1 over all pairs; 1 if there are two multipliers only."""
-    return product_of_pairs(mu) if len(mu) > 2 else 1.0
+    """Return the smallest |mu_i mu_j - 1| with the sign of their product; 1 if there are two multipliers only."""
+    return sign_of_pairs(mu) if len(mu) > 2 else 1.0
 
 
 def _singularity(J: Array, row: Array) -> float:
