@@ -522,3 +522,17 @@ def test_both_period_doublings_of_a_beam_with_a_stop():
     assert len(found) == 4  # no pair of them is left out
     assert found[1] == pytest.approx(3.525534, abs=3e-5)
     assert found[2] == pytest.approx(3.533802, abs=3e-5)
+
+
+@pytest.mark.filterwarnings("ignore::hbgear.mechanics.ImplausibleInputWarning")
+@pytest.mark.parametrize("gap", [5.0, 0.05])
+def test_a_beam_whose_modes_decay_alike_has_no_period_doubling(gap):
+    """The beam does not reach its stop, or touches it so gently that all multipliers have the modulus .95.
+
+    High modes, which the multipliers leave out, turn by many radians from point to point, and seemed to pass -1.
+    """
+    (M, K), end = cantilever(40), np.eye(80)[78]
+    beam = System(M, 0.05 * M, K, [Element(end, Unilateral(k=0.2, gap=gap))], Load(cosine={1: 0.1 * end}))
+    curve = trace(HarmonicBalance(beam, 9), "Omega", (3.0, 3.2))
+    assert not curve.special and np.any(curve.regime) == (gap < 1)
+    assert np.abs(np.abs(curve.multipliers).max(axis=1) - np.exp(-0.025 * 2 * np.pi / curve.values)).max() < 2e-3

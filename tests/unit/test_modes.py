@@ -194,6 +194,24 @@ def test_few_modes_give_the_result_of_all(law, leading, others):
         assert min(sizes) < 20
 
 
+def test_undamped_modes_that_are_left_out_do_not_hide_the_others():
+    """A list of 32 multipliers, of 60 modes of which only the first ten are damped, has those of the slow modes.
+
+    The reference are the multipliers of all modes.
+    """
+    system, w = chain(Cubic(k1=0.0, k3=5e-4))
+    squares, V = np.linalg.eigh(system.K)
+    system = system.replace(C=V @ np.diag(np.where(np.arange(60) < 10, 0.04, 0.0) * np.sqrt(squares)) @ V.T)
+    few, all_ = (HarmonicBalance(system, 7, reduce=reduce).compiled({}) for reduce in (True, False))
+    motion = 0.0 * np.arange(15.0)
+    motion[1:3] = 3.0, -1.0
+    motions, Omega = with_driven_harmonics(all_, motion[None], np.array([w])), np.array([w])
+    found, expected = floquet_multipliers(few, motions, Omega)[0], floquet_multipliers(all_, motions, Omega)[0]
+    slow = expected[np.abs(expected) < 0.999][:4]
+    assert len(slow) == 4 and np.abs(found[:, None] - slow).min(axis=0).max() < 2e-3
+    assert np.count_nonzero(found) < 32  # modes that are left out and do not grow are not listed
+
+
 def test_residual_flexibility_of_modes_up_to_a_frequency():
     system, w = chain(Cubic(0.0, 0.5))
     compiled = HarmonicBalance(system, 3).compiled({})

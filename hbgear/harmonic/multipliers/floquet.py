@@ -113,6 +113,10 @@ LISTED_MULTIPLIERS = 32
 """Number of multipliers returned for larger structures."""
 
 
+POLE_ROUNDING = 1e-12
+"""Rounding of the real part of a pole, relative to the pole."""
+
+
 EIGENVALUE_ROUNDING = 4e-16
 """Rounding of an eigenvalue, relative to the largest entry of its monodromy matrix and per row."""
 
@@ -133,7 +137,8 @@ def floquet_multipliers(
     All motions share the parameters of the model. Structures with more than 60 poles are reduced unless the model is
     compiled with ``reduce=False``: only modes up to the frequency that the harmonics of the element stiffness reach are
     retained, at most up to three times the highest harmonic of the motion. The others keep little of their dynamics
-    (see `modes`), and have the multipliers of the free structure. The 32 largest multipliers are returned.
+    (see `modes`); they are those of the free structure, and listed only if they grow. The 32 largest multipliers are
+    returned, with zeros if there are fewer.
 
     Parameters
     ----------
@@ -210,11 +215,12 @@ def _reduced_multipliers(
     flexible = (largest * compiled.flexibility_above(2.0 ** (levels / RETAINED_LEVELS_PER_OCTAVE))).sum(
         axis=1
     ) > LUMPING_FLEXIBILITY
-    mu = np.empty((len(X), LISTED_MULTIPLIERS), dtype=complex)
+    mu = np.zeros((len(X), LISTED_MULTIPLIERS), dtype=complex)
     for level, lumped in {*zip(levels.tolist(), flexible.tolist(), strict=True)}:
         rows = np.flatnonzero((levels == level) & (flexible == lumped))
         modes = compiled.stability_modes(2.0 ** (level / RETAINED_LEVELS_PER_OCTAVE), lumped)
-        mu[rows] = _multipliers_of_blocks(compiled, modes, X[rows], Omega[rows], points, max_step, LISTED_MULTIPLIERS)
+        listed = _multipliers_of_blocks(compiled, modes, X[rows], Omega[rows], points, max_step, LISTED_MULTIPLIERS)
+        mu[rows, : listed.shape[1]] = listed
     return mu
 
 
@@ -260,11 +266,17 @@ def _multipliers_of_blocks(
     max_step: float | None,
     listed: int | None = None,
 ) -> ComplexArray:
-    """Return `floquet_multipliers` from the modes of some blocks: all of them, or the ``listed`` largest."""
+    """Return `floquet_multipliers` from the modes of some blocks: all of them, or the ``listed`` largest.
+
+    The phase of a mode far above the frequencies of the motion changes by many turns from point to point. A list that
+    contains such modes seems to pass +1 and -1 anywhere, and the nearly undamped ones would leave no place for others.
+    """
     coupled = compiled.sliders or compiled.vectors  # their elements may belong to different blocks
     divisible = len(modes.blocks) > 1 and not coupled
     identical = _move_identically(compiled, modes, X) if divisible else np.zeros(len(X), dtype=bool)
-    idle = modes.omitted_poles[:listed]
+    idle = modes.omitted_poles
+    if listed is not None:
+        idle = idle[idle.real > POLE_ROUNDING * np.abs(idle)][:listed]
     mu = np.empty((len(X), len(idle) + modes.coupled.size + compiled.sliders), dtype=complex)
     mu[:, : len(idle)] = np.exp(idle * (2 * np.pi * compiled.nu / Omega)[:, None])
     for motions, chosen in ((identical, modes.blocks), (~identical, (modes.coupled,))):
