@@ -50,12 +50,26 @@ def gear_pair(teeth=(25, 40), **fields):
 
 @dataclass(frozen=True)
 class VanDerPol(hb.mechanics.Law):
-    """Negative damping of small motions: eps (d^2 - 1) v."""
+    """Negative damping of small motions: eps (d^2 - 1) v + quadratic d^2."""
 
     eps: float = 0.2
+    quadratic: float = 0.0
 
     def force(self, d, v, tau):
-        return self.eps * (d**2 - 1) * v, 2 * self.eps * d * v, self.eps * (d**2 - 1)
+        force = self.eps * (d**2 - 1) * v + self.quadratic * d**2
+        return force, 2 * self.eps * d * v + 2 * self.quadratic * d, self.eps * (d**2 - 1)
+
+
+@dataclass(frozen=True)
+class SteepFriction(hb.mechanics.Law):
+    """Regularized friction: p = limit tanh(v / scale)."""
+
+    limit: float = 0.1
+    scale: float = 0.05
+
+    def force(self, d, v, tau):
+        p = np.tanh(v / self.scale)
+        return self.limit * p, 0 * d, self.limit / self.scale * (1 - p * p)
 
 
 @dataclass(frozen=True)

@@ -6,23 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 import scipy
-from machines import single_mass, two_masses
+from machines import VanDerPol, single_mass, two_masses
 
 import hbgear as hb
 from hbgear.time.integration import state_of
-
-
-@dataclass(frozen=True)
-class VanDerPol(hb.mechanics.Law):
-    """eps (d^2 - 1) d' + quadratic d^2"""
-
-    eps: float
-    quadratic: float
-
-    def force(self, d, v, tau):
-        force = self.eps * (d**2 - 1) * v + self.quadratic * d**2
-        return force, 2 * self.eps * d * v + 2 * self.quadratic * d, self.eps * (d**2 - 1)
-
 
 EPS = 0.2
 

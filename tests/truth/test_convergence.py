@@ -1,14 +1,12 @@
 """Orders of convergence: folds with the harmonics, sampled forces with the samples, multipliers with the step."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import pytest
-from machines import Drag, single_mass
+from machines import Drag, SteepFriction, single_mass
 
 from hbgear import Backlash, Cubic, Duffing, Element, HarmonicBalance, Load, SpurPair, System, Unilateral, trace
 from hbgear.continuation.solvers.newton import solve
-from hbgear.mechanics import Jenkins, KelvinVoigt, Law
+from hbgear.mechanics import Jenkins, KelvinVoigt
 
 
 def folds(model, H, span, **settings):
@@ -119,15 +117,6 @@ def test_default_steps_are_fine_enough(case):
     problem, X, Omega = case()
     truth = np.sort_complex(problem.multipliers(X, points=6, max_step=0.05, Omega=Omega))
     np.testing.assert_allclose(np.sort_complex(problem.multipliers(X, Omega=Omega)), truth, atol=1e-7)
-
-
-@dataclass(frozen=True)
-class SteepFriction(Law):
-    """p = .1 tanh(20 v)."""
-
-    def force(self, d, v, tau):
-        p = np.tanh(20 * v)
-        return 0.1 * p, 0 * d, 2 * (1 - p * p)
 
 
 @pytest.mark.parametrize("H", [16, 24, 48])

@@ -1,11 +1,10 @@
 """Stated errors of frequencies that are unknown with a motion: closed forms, and eight times the harmonics."""
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 import pytest
-from machines import single_mass
+from machines import VanDerPol, single_mass
 from scipy.optimize import brentq
 
 import hbgear as hb
@@ -72,14 +71,6 @@ def test_the_frequency_of_a_stiff_slider_is_less_accurate_than_its_motion(harmon
         assert error / 3 < curve.unknown_errors[name] < 3 * error, name
     warnings = [text for text in curve.warnings if text.startswith("the relative error of Omega")]
     assert bool(warnings) == (curve.unknown_errors["Omega"] > 1e-2)
-
-
-@dataclass(frozen=True)
-class VanDerPol(hb.mechanics.Law):
-    eps: float
-
-    def force(self, d, v, tau):
-        return self.eps * (d**2 - 1) * v, 2 * self.eps * d * v, self.eps * (d**2 - 1)
 
 
 @hb.mechanics.model

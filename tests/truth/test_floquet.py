@@ -5,13 +5,12 @@ det Phi = exp(-int_0^T tr(M^-1 [C + sum_j w_j (c_j + dp_j/dv) w_j^T]) dt)
 
 import copy
 import itertools
-from dataclasses import dataclass
 
 import numpy as np
 import pytest
 import scipy
 from cross.shooting import integrate, state
-from machines import Drag, cantilever, single_mass, state_matrix
+from machines import Drag, SteepFriction, cantilever, single_mass, state_matrix
 
 from hbgear import Backlash, Cubic, Duffing, Element, HarmonicBalance, Load, SpurPair, System, Unilateral, trace
 from hbgear.continuation.solvers.newton import solve
@@ -20,23 +19,11 @@ from hbgear.harmonic.equations.motion import truncation_error, with_driven_harmo
 from hbgear.harmonic.multipliers import constant_flow
 from hbgear.harmonic.multipliers.floquet import _eigenvalues, floquet_multipliers, monodromies
 from hbgear.harmonic.structure.modes import SymmetricPair
-from hbgear.mechanics import Jenkins, Law, Parallel, PiecewiseLinear, Series, SpeedTerms, reduce
+from hbgear.mechanics import Jenkins, Parallel, PiecewiseLinear, Series, SpeedTerms, reduce
 from hbgear.mechanics.series.fourier import evaluate
 
 EXCITED = Series(cosine=(0.2, 0.1, 0.05, 0.03, 0.02, 0.01), sine=(0, 0, 0, 0, 0, 0.04))
 """Prescribed displacement with six harmonics."""
-
-
-@dataclass(frozen=True)
-class SteepFriction(Law):
-    """p = limit tanh(v / scale)."""
-
-    limit: float
-    scale: float
-
-    def force(self, d, v, tau):
-        p = np.tanh(v / self.scale)
-        return self.limit * p, 0 * d, self.limit / self.scale * (1 - p * p)
 
 
 def three_masses(rng):
