@@ -6,6 +6,7 @@ Circular whirl of z'' + 2 zeta z' + k0 z + k max(1 - c / |z|, 0) (1 + i mu) z = 
 
 import itertools
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -455,3 +456,40 @@ def test_a_curve_through_the_first_rub_of_an_isotropic_rotor():
     np.testing.assert_allclose(np.abs(Z * r + k * np.maximum(r - 1, 0)), F * W**2, rtol=1e-9)
     folds = [point.parameters["Omega"] for point in curve.special if point.kind == "LP"]
     assert len(folds) == 2 and r.max() > 1.5
+
+
+def exponents_of_whirl(r, Omega, zeta, stiffness):
+    """Exponents of disturbances of circular whirl in the rotating frame, clearance 1; stiffness k (1 + i mu)."""
+    s = stiffness if r > 1 else 0.0
+    a = 1 - Omega**2 + 2j * zeta * Omega + s * (1 - 1 / r)
+    K = np.array([[a.real + np.real(s) / r, -a.imag], [a.imag + np.imag(s) / r, a.real]])
+    C = 2 * np.array([[zeta, -Omega], [Omega, zeta]])
+    return np.linalg.eigvals(np.block([[np.zeros((2, 2)), UNIT], [-K, -C]]))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("mu", [0.1, 0.3])
+def test_stability_of_an_isotropic_rotor_is_lost_at_its_first_rub(mu):
+    """The multipliers jump where all phases touch at once: a warning stated a change without a special point.
+
+    With mu = 0.3 branch points were found between points that differ by rounding, and took minutes.
+    """
+    k, zeta, e = 10.0, 0.05, 0.2
+    seal = hb.mechanics.VectorElement(UNIT, hb.mechanics.RadialClearance(k, 1.0, mu))
+    load = hb.Load(cosine={1: [e, 0.0]}, sine={1: [0.0, e]}, power=2)
+    balance = hb.HarmonicBalance(hb.System(UNIT, 2 * zeta * UNIT, UNIT, [*seal], load), 5)
+    curve = hb.trace(balance, "Omega", (0.5, 1.6), cover=False, accuracy=None)
+    assert curve.status.complete and not curve.warnings
+    assert [p.kind for p in curve.special] == {0.1: ["GR"], 0.3: ["GR", "LP", "GR", "LP"]}[mu]
+    first = curve["GR1"].parameters["Omega"]
+    assert e * first**2 == pytest.approx(abs(1 - first**2 + 2j * zeta * first), rel=1e-12)
+    special = {p.index for p in curve.special}
+    for i in set(range(0, len(curve), 5)) - special:
+        r, Omega = np.hypot(*curve.X[i].reshape(2, 11)[0, 1:3]), curve.values[i]
+        growth = exponents_of_whirl(r, Omega, zeta, k * (1 + 1j * mu)).real.max()
+        assert np.abs(curve.multipliers[i]).max() == pytest.approx(np.exp(2 * np.pi * growth / Omega), rel=1e-5)
+        assert curve.stability[i] == ("stable" if growth < 0 else "unstable")
+    # a contact that begins at one phase explains nothing
+    touching = replace(curve["GR1"], note="highest of element")
+    contradicting = replace(curve, special=(touching, *curve.special[1:]))
+    assert any("without a special point" in line for line in contradicting.warnings)

@@ -221,7 +221,17 @@ def has_corner(segment: Segment) -> bool:
     """Return whether a segment has a corner, at which the tangent and the multipliers jump."""
     if not segment.problem.is_nonsmooth or segment.length > CORNER_LENGTH:
         return False
-    return cosine(segment.a, segment.b, segment.scale) < CORNER_COSINE
+    return is_within_corner(segment) or cosine(segment.a, segment.b, segment.scale) < CORNER_COSINE
+
+
+WITHIN_CORNER_LENGTH = 1e-6
+"""Length of a segment in scaled unknowns below which it is a part of a corner: the points next to one are a few
+smallest steps apart. Where a contact begins at all phases at once, each sample of it has its own derivatives there."""
+
+
+def is_within_corner(segment: Segment) -> bool:
+    """Return whether a segment of a problem with a discontinuous dR/dX is so short that it is a part of a corner."""
+    return bool(segment.problem.is_nonsmooth) and segment.length < WITHIN_CORNER_LENGTH
 
 
 def cosine(a: CurvePoint, b: CurvePoint, scale: Array) -> float:

@@ -14,7 +14,7 @@ from hbgear.common.arrays import Array, ComplexArray
 from hbgear.continuation.augmented.branch_point import BranchPointProblem
 from hbgear.continuation.augmented.minimally_augmented import MinimallyAugmentedProblem
 from hbgear.continuation.augmented.special_point_problem import SpecialPointProblem
-from hbgear.continuation.curve.segment import BranchStart, CurvePoint, Segment
+from hbgear.continuation.curve.segment import BranchStart, CurvePoint, Segment, is_within_corner
 from hbgear.continuation.events.event import BuiltInEvent, LocatedEvent, locate_root, singular
 from hbgear.continuation.numerics.linear import as_dense, bordered, slogdet
 from hbgear.continuation.problem.adapter import as_problem
@@ -83,8 +83,13 @@ def _transverse_direction(
 
 
 def _is_corner(segment: Segment) -> bool:
-    """Return whether a segment of a curve of special points is so short that it is a corner: signs are rounding."""
-    return isinstance(segment.problem, SpecialPointProblem) and segment.length < SHORTEST_SEGMENT
+    """Return whether a segment is so short that it is a corner of its curve, where signs of determinants are rounding.
+
+    Curves of special points have corners, and curves of problems with a discontinuous dR/dX.
+    """
+    if isinstance(segment.problem, SpecialPointProblem):
+        return segment.length < SHORTEST_SEGMENT
+    return is_within_corner(segment)
 
 
 SHORTEST_SEGMENT = 1e-8

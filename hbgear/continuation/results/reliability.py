@@ -1,9 +1,10 @@
 """Reliability of a branch: warnings about errors, undecided stability and contradictions.
 
-A branch changes its stability only at a fold, a branch point, a period doubling or a Neimark-Sacker point. The two
-sides of a fold are never both stable, because one real multiplier passes +1 there, unless the fold is a branch point: a
-pair of motions without the symmetry of the system turns there. A contradiction to these rules indicates a wrong
-multiplier, or a special point that was not detected.
+A branch changes its stability only at a fold, a branch point, a period doubling or a Neimark-Sacker point, or where a
+contact begins at all phases at once, as all around a circular whirl: the multipliers jump there. The two sides of a
+fold are never both stable, because one real multiplier passes +1 there, unless the fold is a branch point: a pair of
+motions without the symmetry of the system turns there. A contradiction to these rules indicates a wrong multiplier, or
+a special point that was not detected.
 """
 
 from __future__ import annotations
@@ -106,7 +107,7 @@ def _contradictions(branch: BranchData) -> list[str]:
         return []
     kinds: dict[int, list[str]] = {}
     for point in branch.special:  # an end point EP lies on both branches, and has their multipliers
-        if point.kind in (*STABILITY_CHANGING_KINDS, "EP"):
+        if point.kind in (*STABILITY_CHANGING_KINDS, "EP") or _begins_at_all_phases(point):
             kinds.setdefault(point.index, []).append(point.kind)
     at_limit = np.abs(branch.multipliers[0] - 1.0).min(initial=math.inf) < START_DISTANCE
     if at_limit or settings.get("bifurcating"):
@@ -122,6 +123,13 @@ def _contradictions(branch: BranchData) -> list[str]:
     folds = {point.index: point.label for point in branch.special if point.kind == "LP"}
     stable_folds = [folds[i] for i in stable_on_both_sides(codes, kinds)]
     return out + ([f"both sides of {', '.join(stable_folds)} are stable"] if stable_folds else [])
+
+
+def _begins_at_all_phases(point: SpecialPoint) -> bool:
+    """Return whether a contact begins at all phases: the lowest and highest distance from it are zero at once."""
+    names = point.note.split(", ")
+    lowest = [name for name in names if name.startswith("lowest of ")]
+    return point.kind == "GR" and any(name.replace("lowest", "highest", 1) in names for name in lowest)
 
 
 _SAME_VALUE = 1e-12
