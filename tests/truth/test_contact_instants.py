@@ -529,6 +529,53 @@ def test_a_contact_begins_between_samples() -> None:
     assert abs(0.0854 / abs(1.6 - Omega**2 + 0.17j * Omega) - 0.35) < 1e-10
 
 
+def test_a_gap_beyond_a_breakpoint_between_samples_of_one_direction() -> None:
+    """h = -x (x - .05) (x - .12) falls at the samples 0 and .2, and is positive from .05 to .12."""
+    from hbgear.harmonic.instants.kernels import unexpected_crossings
+
+    x, h = np.linspace(0.0, 1.0, 6), -np.polynomial.Polynomial.fromroots([0.0, 0.05, 0.12])
+    samples = x, h(x)[:, None], h.deriv()(x)[:, None], np.array([6]), np.array([[[-np.inf, 0.0]]])
+    ((_, _, side, begin, end),) = unexpected_crossings(*samples, 1e-9)
+    assert side == 1 and h(0.5 * (begin + end)) > 0
+
+
+def preloaded() -> hb.System:
+    """Return two masses, the first of which rests on a preloaded spring from which it lifts off."""
+    C, K = [[0.1926, -0.0963], [-0.0963, 0.2386]], [[1.852, -0.926], [-0.926, 1.852]]
+    spring = hb.Element([1.0, 0.0], hb.Unilateral(k=5.989, gap=-0.355), name="spring")
+    return hb.System(np.diag([1.319, 0.92]), C, K, [spring], hb.Load(cosine={1: [0.229, 0.333]}))
+
+
+@pytest.mark.slow
+def test_a_gap_that_ends_its_contact_and_returns_between_two_samples() -> None:
+    """It has a minimum and a maximum between two samples, with slopes of one sign. The balance has H = 64."""
+    curve = hb.trace(hb.ContactInstants(preloaded()), "Omega", (0.82, 0.87), cover=False)
+    expected = [0.841700223, 0.844358442, 0.847203907, 0.847217769]
+    for label, values in (("PD1", expected), ("PD2", expected[::-1])):
+        doubled = hb.switch(curve, label)
+        assert doubled.status is hb.Status.MERGED
+        found = [point.parameters["Omega"] for point in doubled.special if point.kind == "GR"]
+        np.testing.assert_allclose(found, values, rtol=0, atol=5e-8)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("label", "end"), [("PD1", "PD2"), ("PD2", "PD1")])
+def test_a_flat_doubled_branch_joins_where_it_came_from(label: str, end: str) -> None:
+    """Omega changes little along the branch near its end, where the equations are nearly singular in a wide region."""
+    two_sided = hb.mechanics.PiecewiseLinear((-0.375, 0.375), (2.589, 0.0, 2.589))
+    elements = [
+        hb.Element([1.0, -1.0], two_sided, damping=0.009),
+        hb.Element([-1.0, 1.0], hb.Unilateral(k=3.116, gap=-0.155)),
+    ]
+    C, K = [[0.0779, -0.039], [-0.039, 0.0779]], [[1.558, -0.779], [-0.779, 1.558]]
+    load = hb.Load(cosine={1: [0.08, 0.278]}, sine={2: [0.04, 0.029]})
+    model = hb.System(np.diag([0.979, 1.444]), C, K, elements, load)
+    curve = hb.trace(hb.ContactInstants(model), "Omega", (0.86, 0.81), cover=False)
+    doubled = hb.switch(curve, label)
+    assert doubled.status is hb.Status.MERGED
+    assert abs(doubled.values[-1] - curve[end].parameters["Omega"]) < 1e-9
+
+
 def two_equal(law: Any, force: float, damping: float, coupling: float) -> hb.System:
     """Return two equal coupled masses, each with a contact of one law, with equal forces."""
     K = np.array([[1.3, coupling], [coupling, 1.3]])

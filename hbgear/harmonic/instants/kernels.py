@@ -550,14 +550,15 @@ def _add_intervals(tau: Any, h: Any, slope: Any, rounding: float, intervals: Any
             intervals[count, 3] = _linear_root(tau, h, s - 1) if s > 0 else tau[0]
             intervals[count, 4] = _linear_root(tau, h, last) if last < end else tau[end]
             count, s = count + 1, last
-        elif s < end and slope[s] > 0 and slope[s + 1] < 0 and not h[s + 1] > rounding:
+        elif s < end and not h[s + 1] > rounding:
             width = tau[s + 1] - tau[s]
-            offset = _cubic_maximum(h[s], h[s + 1], slope[s] * width, slope[s + 1] * width)
-            first = min(max(s - 1, 0), end - 3)
-            maximum = _interpolated(h[first : first + 4], slope[first : first + 4], width, s - first + offset)
+            offset, curvature = _cubic_maximum(h[s], h[s + 1], slope[s] * width, slope[s + 1] * width)
+            maximum = 0.0
+            if curvature > 0:
+                first = min(max(s - 1, 0), end - 3)
+                maximum = _interpolated(h[first : first + 4], slope[first : first + 4], width, s - first + offset)
             if maximum > rounding:
-                half = math.sqrt(2 * maximum * width / (slope[s] - slope[s + 1]))
-                middle = tau[s] + offset * width
+                half, middle = width * math.sqrt(2 * maximum / curvature), tau[s] + offset * width
                 intervals[count, 3], intervals[count, 4] = max(middle - half, tau[s]), min(middle + half, tau[s + 1])
                 count += 1
         s += 1
@@ -572,12 +573,18 @@ def _linear_root(tau: Any, h: Any, s: int) -> float:
 
 
 @kernel
-def _cubic_maximum(begin: float, end: float, a: float, b: float) -> float:
-    """Return the position of the maximum of the cubic on [0, 1] with these values and slopes at its ends."""
+def _cubic_maximum(begin: float, end: float, a: float, b: float) -> tuple[float, float]:
+    """Return position and curvature, as a positive number, of the maximum of a cubic inside of [0, 1]; 0 without one.
+
+    The cubic has values ``begin`` and ``end`` and slopes a and b at 0 and 1. If a and b have one sign, it may have a
+    minimum and a maximum between them, as where a gap ends its contact and returns at once.
+    """
+    if max(begin, end) + 0.25 * (abs(a) + abs(b)) < 0:
+        return 0.5, 0.0  # it is negative
     c, d = 3 * (end - begin) - 2 * a - b, 2 * (begin - end) + a + b
-    root = math.sqrt(max(c * c - 3 * d * a, 0.0))
-    x = a / (root - c) if root > c else 0.5  # root of a + 2 c x + 3 d x^2 at a maximum
-    return min(max(x, 0.0), 1.0)
+    root = math.sqrt(max(c * c - 3 * d * a, 0.0))  # -half of the second derivative at the maximum
+    x = a / (root - c) if root != c else -1.0  # root of a + 2 c x + 3 d x^2
+    return (x, 2 * root) if 0 < x < 1 else (0.5, 0.0)
 
 
 @kernel

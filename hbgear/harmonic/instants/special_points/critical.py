@@ -34,6 +34,8 @@ BRANCH_POINT_DISTANCE, MIN_DISTANCE = 2e-3, 1e-4
 """Distance of points from a branch point that is interpolated between them, over the step, and its smallest value in
 scaled unknowns. The error of the cubic is 9 (2e-3)^4 = 1e-10; points at less than 1e-5 do not converge."""
 
+WIDENINGS = (1.0, 4.0, 16.0)
+"""Factors of this distance that are tried one after the other; with the last one, the error of the cubic is 1e-5."""
 
 LEADING_MULTIPLIERS = 4
 """Number of multipliers, largest modulus first, whose change limits a step."""
@@ -237,10 +239,23 @@ def _distance_of_points(a: ExactPoint, b: ExactPoint) -> float:
 def branch_point_near(family: Family, a: ExactPoint, b: ExactPoint, fraction: float) -> tuple[float, ExactPoint]:
     """Return a branch point from points around it, because the equations of a point are singular there.
 
-    Test function and state are interpolated through four points. The border of the test function is their direction,
-    because the tangents of single points are inaccurate next to the branch point.
+    Where the parameter changes little along the branch, the corrector converges at larger distances only.
     """
     distance = _distance_of_points(a, b)
+    for factor in WIDENINGS[:-1]:
+        with suppress(NoConvergence):
+            return _interpolated_branch_point(family, a, b, fraction, factor * distance)
+    return _interpolated_branch_point(family, a, b, fraction, WIDENINGS[-1] * distance)
+
+
+def _interpolated_branch_point(
+    family: Family, a: ExactPoint, b: ExactPoint, fraction: float, distance: float
+) -> tuple[float, ExactPoint]:
+    """Return a branch point from four points at a distance, and three times the distance, on both sides of it.
+
+    Test function and state are interpolated. The border of the test function is the direction of the points, because
+    the tangents of single points are inaccurate next to the branch point.
+    """
     fractions = fraction + distance * np.array([-3.0, -1.0, 1.0, 3.0])
     points = [point_between(family, a, b, float(s)) for s in fractions]
     direction = (points[3].state.z - points[0].state.z) / a.scale
