@@ -8,6 +8,7 @@ import pytest
 from cross.shooting import integrate, shoot, state
 from cross.shooting_branch import shot
 
+import hbgear as hb
 from hbgear import HarmonicBalance, SpurPair, trace
 from hbgear.continuation.switch import switch
 
@@ -111,3 +112,15 @@ def test_four_periods(doubled):
     np.testing.assert_allclose(true, y, rtol=0, atol=1e-5)
     mu = np.linalg.eigvals(period.monodromy)
     np.testing.assert_allclose(np.sort(np.abs(mu)), np.sort(np.abs(child.multipliers[i])), rtol=0, atol=1e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("problem", [lambda model: hb.HarmonicBalance(model, 32), hb.ContactInstants])
+def test_a_doubled_branch_that_turns_next_to_its_start_has_this_fold_only(problem):
+    """A contact begins 6e-6 from the period doubling, the branch turns at 1.6e-5; at its start it does not."""
+    spring = hb.Element([1.0], hb.Unilateral(k=4.362, gap=-0.279))
+    model = hb.System([[0.781]], [[0.0603]], [[0.942]], [spring], hb.Load(cosine={1: [0.327]}))
+    curve = hb.trace(problem(model), "Omega", (1.3, 1.26), cover=False)
+    label = min((p for p in curve.special if p.kind == "PD"), key=lambda p: p.parameters["Omega"]).label
+    found = [(p.kind, round(p.parameters["Omega"], 6)) for p in hb.switch(curve, label).special]
+    assert found == [("GR", 1.277767), ("LP", 1.277757), ("GR", 1.281559), ("EP", 1.282323)]

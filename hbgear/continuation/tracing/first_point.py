@@ -44,6 +44,9 @@ from hbgear.continuation.tracing.state import TraceSetup, TraceState
 MIN_STEP_RATIO = 1e-4
 """Ratio of the smallest distance of a second point from the special point to the first step size."""
 
+DEPARTURE_RATIO = 1e-2
+"""Distance, over the first step size, at which the direction of the parameter is that in which the branch leaves."""
+
 VERTICAL_SLOPE = 1e-10
 """Scaled parameter change per step below which it is rounding error: the branch leaves at constant parameter."""
 
@@ -247,7 +250,9 @@ def _first_two_points(state: TraceState, start: BranchStart) -> tuple[CurvePoint
     """
     setup, scale = state.setup, state.scale
     smallest = MIN_STEP_RATIO * setup.settings.steps.first_step
-    step, second = setup.settings.steps.first_step, None
+    step, second, departure = setup.settings.steps.first_step, None, 0
+    with suppress(*SOLVER_ERRORS):
+        departure = _point_along_branch(state, start, DEPARTURE_RATIO * step).parameter_direction
     while step >= smallest:
         try:
             point = _point_along_branch(state, start, step)
@@ -256,7 +261,8 @@ def _first_two_points(state: TraceState, start: BranchStart) -> tuple[CurvePoint
                 raise
         else:
             second = point
-            if _first_term_dominates(start.parameters[setup.name], point, step, scale):
+            turned = point.parameter_direction * departure < 0  # beyond a fold, as next to a grazing contact
+            if not turned and _first_term_dominates(start.parameters[setup.name], point, step, scale):
                 break
         step *= 0.5
     assert second is not None  # else the corrector raised
