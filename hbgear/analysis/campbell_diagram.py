@@ -133,6 +133,10 @@ class Campbell:
     closed: tuple[str, ...]
     opened: tuple[str, ...]
 
+    def __repr__(self) -> str:
+        span = f"Omega = {self.Omega[0]:.6g} to {self.Omega[-1]:.6g}"
+        return f"<Campbell: {span}, modes: {self.frequencies.shape[1]}, critical speeds: {len(self.critical)}>"
+
 
 @checked_arguments(orders="orders by name, such as {'mesh': 1.0, 'pinion shaft': 1 / 25}")
 def campbell(

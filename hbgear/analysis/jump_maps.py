@@ -123,6 +123,11 @@ class JumpMap:
     curves: tuple[Branch, ...] = ()
     frequencies: tuple[float, float] = (0.0, 0.0)
 
+    def __repr__(self) -> str:
+        low, high = self.span
+        vanish = "".join(f", {point!r}" for point in self.cusps)
+        return f"<JumpMap over {self.parameter}: {low:.6g} to {high:.6g}, {len(self.arms)} arms{vanish}, {self.status}>"
+
     @property
     def cusps(self) -> tuple[SpecialPoint, ...]:
         """Points of the fold curves at which jumps appear or vanish: cusps (CP), and where curves join (IC)."""

@@ -98,6 +98,10 @@ class RunUp:
     jumps: tuple[Jump, ...]
     message: str
 
+    def __repr__(self) -> str:
+        jumps = "".join(f", {jump.label} at {jump.value:.6g}" for jump in self.jumps) or ", no jumps"
+        return f"<RunUp {self.direction} in {self.parameter}{jumps}; {self.message}>"
+
     @property
     def parameter(self) -> str:
         """Name of the parameter of the sweep."""

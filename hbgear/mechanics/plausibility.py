@@ -203,8 +203,9 @@ def check_sliders(names: tuple[str, ...], margins: Array) -> None:
 def check_truncation(tolerance: float, H: int, parameter: str, values: Array, errors: Array) -> None:
     """Warn of points whose estimated errors (P,) exceed the tolerance of automatic harmonics."""
     worst = int(np.argmax(errors))
+    count = f"{len(values)} points" if len(values) > 1 else "a point"
     warn(
-        f"automatic harmonics, up to H = {H}, leave {len(values)} points of the curve with an estimated error above "
+        f"automatic harmonics, up to H = {H}, leave {count} of the curve with an estimated error above "
         f"tolerance = {tolerance:g}: up to {errors[worst]:.1e}, at {parameter} = {values[worst]:.6g}; give a larger "
         "tolerance"
     )

@@ -108,6 +108,12 @@ class Basins:
     message: str = ""
     element: str = ""
 
+    def __repr__(self) -> str:
+        ends = ", ".join(f"period {end.period}" for end in self.attractors)
+        return (
+            f"<Basins at Omega = {self.Omega:.6g}: {self.label.size} starts, {ends or 'no attractor'}, {self.status}>"
+        )
+
     def export(self, path: str | os.PathLike[str]) -> None:
         """Write a table of all starts and their attractors (.csv) by an atomic replacement of the file.
 

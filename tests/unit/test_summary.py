@@ -99,3 +99,19 @@ def test_errors_of_special_points_near_zero_are_relative_to_a_thousandth_of_the_
     largest = np.abs(curve.values).max()
     assert f"special points {3e-15 / (1e-3 * largest):.0e}" in reliability_lines(branch)[0]
     assert not any("accuracy" in warning for warning in branch.warnings)
+
+
+def test_results_of_a_curve_have_a_short_text():
+    """Interactive sessions print it; the arrays of a result are too long."""
+    model = hb.Duffing()
+    curve = hb.trace(hb.HarmonicBalance(model, 3), "Omega", (0.5, 1.6))
+    up = hb.analysis.run_up(curve, "up")
+    assert repr(up) == f"<RunUp up in Omega, LP1 at {up.jumps[0].value:.6g}; Omega = 1.6 reached>"
+    jumps = hb.jump_map(model, "zeta", (0.05, 0.06), frequencies=(0.9, 1.4), harmonics=1, seeds=2)
+    assert repr(jumps) == f"<JumpMap over zeta: 0.05 to 0.06, 2 arms, {jumps.cusps[0]!r}, reached_end>"
+    diagram = hb.analysis.campbell(model, (0.5, 1.5))
+    assert repr(diagram) == "<Campbell: Omega = 0.5 to 1.5, modes: 1, critical speeds: 1>"
+    found = hb.analysis.machine_quantities(curve)
+    assert repr(found).startswith(f"<MachineQuantities at {len(curve)} points: 'Omega [-]', ")
+    ends = hb.time.basins(model, 0.8, shape=(2, 2))
+    assert repr(ends) == "<Basins at Omega = 0.8: 4 starts, period 1, reached_end>"

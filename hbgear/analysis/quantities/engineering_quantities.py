@@ -89,6 +89,10 @@ class MachineQuantities:
 
     columns: dict[str, Array]
 
+    def __repr__(self) -> str:
+        points = len(next(iter(self.columns.values()), ()))
+        return f"<MachineQuantities at {points} points: {', '.join(map(quoted, self.columns))}>"
+
     def __getitem__(self, name: str) -> Array:
         """Return a column by its name, with or without the unit."""
         return self.columns[self.title(name)]
