@@ -45,6 +45,10 @@ HEADROOM = 2.0
 """Ratio of the upper limit of the axes to the largest bounded amplitude, for a curve that goes to infinity."""
 
 
+ROUNDING = 1e-8
+"""Range of values, relative to the largest one, that is rounding errors: residuals of points are up to 1e-10."""
+
+
 def bounded_points(branch: Branch) -> slice:
     """Return the points of a branch up to its last special points before it goes to infinity."""
     marks = [point.index for point in branch.special]
@@ -81,8 +85,8 @@ class SmoothCurve:
         if not np.isfinite(xy).all():
             self.along = np.zeros(0)
             return
-        ranges = np.ptp(xy, axis=1, keepdims=True)
-        steps = np.hypot(*np.diff(xy / np.where(ranges > 0, ranges, 1.0), axis=1))
+        ranges, sizes = np.ptp(xy, axis=1, keepdims=True), np.abs(xy).max(axis=1, keepdims=True)
+        steps = np.hypot(*np.diff(xy / np.where(ranges > ROUNDING * sizes, ranges, np.inf), axis=1))
         self.along = np.concatenate([[0.0], np.cumsum(steps)])
         self.xy, self.distinct = xy, np.concatenate([[True], steps > _COINCIDENCE])
 

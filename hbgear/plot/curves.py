@@ -22,7 +22,7 @@ from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Jump
 from hbgear.harmonic.bifurcations.events import named
 from hbgear.harmonic.models.frequency_units import common_scales
-from hbgear.plot.branch_sections import HEADROOM, SmoothCurve, bounded, sections
+from hbgear.plot.branch_sections import HEADROOM, ROUNDING, SmoothCurve, bounded, sections
 from hbgear.plot.free_motions import with_other_kinds
 from hbgear.plot.insets import enlarge, move_legend_off
 from hbgear.plot.style import (
@@ -143,6 +143,7 @@ def response(
                 _arrow(ax, branch, jump, abscissa, height)
         if special:
             _marks(ax, branch, abscissa, height)
+        _widen_constant(ax)
         _mark_infinity(ax, [branch], [color or "black"], abscissa, height, is_empty)
         _name(ax, branch, abscissa, height)
         if (is_new if speeds is None else speeds) and scaled_axes(ax, abscissa.above) and is_new:
@@ -258,6 +259,7 @@ def responses(
                 _arrow(ax, branch, landing.jump, abscissa, height)
         for branch in branches:
             _marks(ax, branch, abscissa, height, numbered=True, labelled=len(shown) == len(branches))
+        _widen_constant(ax)
         _mark_infinity(ax, branches, colours, abscissa, height, is_empty)
         _name(ax, branches[0], abscissa, height)
         if (is_new if speeds is None else speeds) and scaled_axes(ax, abscissa.above) and is_new:
@@ -328,6 +330,13 @@ def _curve(
             label=label or name,
             gid=f"branch {regime} {stable}",
         )
+
+
+def _widen_constant(ax: Axes) -> None:
+    """Show a constant amplitude as a level line: the range of its rounding errors is no range of an axis."""
+    low, high = ax.get_ylim()
+    if high - low < ROUNDING * abs(high):
+        ax.set_ylim(*sorted((0.9 * low, 1.1 * high)))
 
 
 def _mark_infinity(

@@ -941,3 +941,16 @@ def test_small_amplitudes_have_a_power_of_ten_at_the_axis():
     assert "10^{" in ax.yaxis.get_offset_text().get_text()
     texts = [text.get_text() for text in ax.get_yticklabels()]
     assert max(map(len, texts)) <= 4 and not any("$" in text for text in texts), texts
+
+
+def test_constant_amplitude_is_a_level_line():
+    """Without loss of contact the motion does not depend on the backlash; its rounding errors are no range of an axis."""
+    curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 4), "b", (0.9, 1.1), at={"Omega": 1.5})
+    amplitude = curve.amplitude("rms")
+    assert 0 < np.ptp(amplitude) < 1e-9 * amplitude[0]
+    for draw in (hb.plot.response, lambda branch, measure: hb.plot.responses([branch], measure)):
+        ax = draw(curve, "rms")
+        low, high = ax.get_ylim()
+        assert low < 0.92 * amplitude[0] and high > 1.08 * amplitude[0]
+        assert all((np.diff(line.get_xdata()) > 0).all() for line in ax.lines if len(line.get_xdata()) > 2)
+        plt.close(ax.figure)
