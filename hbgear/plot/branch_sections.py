@@ -45,7 +45,7 @@ HEADROOM = 2.0
 """Ratio of the upper limit of the axes to the largest bounded amplitude, for a curve that goes to infinity."""
 
 
-ROUNDING = 1e-8
+CONSTANT_RANGE = 1e-8
 """Range of values, relative to the largest one, that is rounding errors: residuals of points are up to 1e-10."""
 
 
@@ -86,7 +86,7 @@ class SmoothCurve:
             self.along = np.zeros(0)
             return
         ranges, sizes = np.ptp(xy, axis=1, keepdims=True), np.abs(xy).max(axis=1, keepdims=True)
-        steps = np.hypot(*np.diff(xy / np.where(ranges > ROUNDING * sizes, ranges, np.inf), axis=1))
+        steps = np.hypot(*np.diff(xy / np.where(ranges > CONSTANT_RANGE * sizes, ranges, np.inf), axis=1))
         self.along = np.concatenate([[0.0], np.cumsum(steps)])
         self.xy, self.distinct = xy, np.concatenate([[True], steps > _COINCIDENCE])
 

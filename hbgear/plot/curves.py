@@ -22,7 +22,7 @@ from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Jump
 from hbgear.harmonic.bifurcations.events import named
 from hbgear.harmonic.models.frequency_units import common_scales
-from hbgear.plot.branch_sections import HEADROOM, ROUNDING, SmoothCurve, bounded, sections
+from hbgear.plot.branch_sections import HEADROOM, CONSTANT_RANGE, SmoothCurve, bounded, sections
 from hbgear.plot.free_motions import with_other_kinds
 from hbgear.plot.insets import enlarge, move_legend_off
 from hbgear.plot.style import (
@@ -335,7 +335,7 @@ def _curve(
 def _widen_constant(ax: Axes) -> None:
     """Show a constant amplitude as a level line: the range of its rounding errors is no range of an axis."""
     low, high = ax.get_ylim()
-    if high - low < ROUNDING * abs(high):
+    if high - low < CONSTANT_RANGE * abs(high):
         ax.set_ylim(*sorted((0.9 * low, 1.1 * high)))
 
 

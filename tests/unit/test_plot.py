@@ -944,7 +944,7 @@ def test_small_amplitudes_have_a_power_of_ten_at_the_axis():
 
 
 def test_constant_amplitude_is_a_level_line():
-    """Without loss of contact the motion does not depend on the backlash; its rounding errors are no range of an axis."""
+    """Without loss of contact the motion does not depend on the backlash; its rounding errors are no range."""
     curve = hb.trace(hb.HarmonicBalance(hb.SpurPair(), 4), "b", (0.9, 1.1), at={"Omega": 1.5})
     amplitude = curve.amplitude("rms")
     assert 0 < np.ptp(amplitude) < 1e-9 * amplitude[0]

@@ -2,14 +2,14 @@
 /* Smooth lines through the points of a curve: the same Akima interpolation as in hbgear.plot.branch_sections. */
 const hbgearLines = (() => {
   const LONGEST_CHORD = 0.004, MOST_CHORDS = 8, COINCIDENCE = 1e-9; // relative to the range of the values
-  const ROUNDING = 1e-8; // range of values, relative to the largest one, that is rounding errors
+  const CONSTANT_RANGE = 1e-8; // range of values, relative to the largest one, that is rounding errors
 
   const rangeOf = (v) => v.reduce((r, a) => [Math.min(r[0], a), Math.max(r[1], a)], [Infinity, -Infinity]);
 
   function distances(x, y) { // along the polygon, each coordinate relative to its range
     const [kx, ky] = [x, y].map((v) => {
       const [low, high] = rangeOf(v);
-      return high - low > ROUNDING * Math.max(Math.abs(low), Math.abs(high)) ? 1 / (high - low) : 0;
+      return high - low > CONSTANT_RANGE * Math.max(Math.abs(low), Math.abs(high)) ? 1 / (high - low) : 0;
     });
     const along = [0];
     for (let i = 1; i < x.length; i++) along.push(along[i - 1] + Math.hypot(kx * (x[i] - x[i - 1]), ky * (y[i] - y[i - 1])));
