@@ -22,7 +22,7 @@ from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Jump
 from hbgear.harmonic.bifurcations.events import named
 from hbgear.harmonic.models.frequency_units import common_scales
-from hbgear.plot.branch_sections import HEADROOM, CONSTANT_RANGE, SmoothCurve, bounded, sections
+from hbgear.plot.branch_sections import CONSTANT_RANGE, HEADROOM, SmoothCurve, bounded, sections
 from hbgear.plot.free_motions import with_other_kinds
 from hbgear.plot.insets import enlarge, move_legend_off
 from hbgear.plot.style import (
