@@ -39,8 +39,9 @@ def test_multipliers_of_the_shot_motion_lie_on_the_circle(curve):
     """Also where the point has moved with the damping; the angle is that of the exponent."""
     equations = hb.harmonic.NeimarkSackerProblem(curve.problem.with_order(1, 32), "Omega")
     held = hb.trace(equations, "zeta", (0.05, 0.06), start=curve["NS1"], steps=hb.StepControl(max_points=6))
-    assert len(held) == 6 and held.tracked["Omega"][-1] != held.tracked["Omega"][0]
-    for i in (0, 5):
+    assert [point.label for point in held.special] == ["LPNS1"] and len(held) == 7
+    assert held.tracked["Omega"][-1] != held.tracked["Omega"][0]
+    for i in (0, 6):
         Omega, zeta, X = held.tracked["Omega"][i], held.values[i], held.X[i]
         problem = curve.problem.with_order(1, 32)
         orbit = hb.time.shoot(

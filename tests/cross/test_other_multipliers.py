@@ -141,6 +141,30 @@ def test_a_structure_that_depends_on_speed():
     np.testing.assert_allclose(places(held, "NSNS"), [[0.687154946366820, 1.259050612081184]], atol=1e-9)
 
 
+@hb.mechanics.model
+def rubbing(mu: float = 0.2) -> hb.System:
+    """A rotor that rubs in a round clearance with friction."""
+    seal = hb.mechanics.VectorElement(np.eye(2), hb.mechanics.RadialClearance(2.0, 0.3, mu))
+    unbalance = hb.Load(cosine={1: [0.1, 0.0]}, sine={1: [0.0, 0.1]}, power=2)
+    return hb.System(np.eye(2), 0.1 * np.eye(2), np.diag([1.0, 1.1]), list(seal), unbalance)
+
+
+@pytest.mark.slow
+def test_laws_whose_slopes_are_unknown():
+    """Number: an extended system of shooting. Curves of folds and of Neimark-Sacker points have the same point.
+
+    At the point dR/dX is singular; gradients of a multiplier along motions over Omega did not exist there.
+    """
+    curve = hb.trace(hb.HarmonicBalance(rubbing(), 10), "Omega", (0.5, 4.0))
+    folds = hb.follow(curve, "LP1", "mu", (0.1, 0.2))
+    left = hb.switch(folds, "LPNS1", (0.1035, 0.106), steps=hb.StepControl(max_points=8))
+    held = hb.trace(left.problem, "mu", (left.values[-1], 0.104), left[-1], steps=hb.StepControl(max_points=20))
+    assert type(held.problem).__name__ == "PairModulusProblem"
+    for point in (folds["LPNS1"], held["LPNS1"]):
+        assert point.parameters["mu"] == pytest.approx(0.1045740702, abs=3e-10) and point.error < 1e-9
+        assert point.parameters["Omega"] == pytest.approx(1.5496797171, abs=3e-10)
+
+
 @pytest.mark.slow
 def test_errors_with_a_stop_are_those_of_shooting():
     curve = hb.trace(hb.HarmonicBalance(stopped(), 16), "Omega", (1.42, 1.52))

@@ -12,13 +12,14 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple, Self
 
 import numpy as np
+import scipy
 
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.continuation.augmented.minimally_augmented import AugmentedResidual, Borders, MinimallyAugmentedProblem
 from hbgear.continuation.augmented.null_vectors import least_singular_vectors
 from hbgear.continuation.augmented.sensitivity import along
-from hbgear.continuation.numerics.linear import Factors, bordered, norm
+from hbgear.continuation.numerics.linear import Factors, as_dense, bordered, norm
 from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.problem.evaluation import AnyProblem
 from hbgear.continuation.problem.finite_differences import directional_step, parameter_derivatives
@@ -235,7 +236,8 @@ class PairModulusProblem(_PairProblem):  # numpydoc ignore=PR02
 
     mu is the multiplier nearest to that of the point before. These laws are friction, contacts with dampers, laws of
     several displacements and compiled laws of the user. The gradient of g is computed in the directions that Newton's
-    method and tangents need: along the motions X(p, a) that R = 0 defines, dX/dp = -J^-1 R_p, and along J^-1 R.
+    method and tangents need: along the tangent t of the motions X(p), along the correction of R in the plane across t,
+    and along the motions X(a), p(a) in this plane.
     Multipliers of truncated motions converge more slowly with the number of harmonics than zeros of Hill's determinant.
 
     Parameters
@@ -294,27 +296,44 @@ class PairModulusProblem(_PairProblem):  # numpydoc ignore=PR02
         mu = self._multiplier(X, parameters, base)
         if abs(mu.imag) <= REAL_MULTIPLIER_TOLERANCE:
             raise NoConvergence("the pair of multipliers became real", X, parameters, [])
-        evaluation, k = self.problem.linearise(X, self.parameter, **parameters), base.weight
-        J = Factors(evaluation.dR_dX)
-        correction = J.solve(evaluation.R)
-        g_X = np.zeros(len(X))
-        if norm(correction) > MIN_CORRECTION * norm(X):
-            h = directional_step(X, correction, self.problem.difference_step(X, parameters))
-            change = (value(X + h * correction, parameters) - value(X - h * correction, parameters)) / (2 * h)
-            g_X = change / norm(correction) ** 2 * correction
+        evaluation, k, p = self.problem.linearise(X, self.parameter, **parameters), base.weight, self.parameter
+        scale = np.append(np.full(len(X), norm(X) or 1.0), self.problem.unit_of(p, parameters[p]))
+        A = np.column_stack([as_dense(evaluation.dR_dX), evaluation.dR_dp]) * scale
+        tangent = scipy.linalg.svd(A)[2][-1]  # of the motions, also at a fold
+        factors = Factors(np.vstack([A, tangent]))
 
-        def derivative(dR: Array, name: str) -> float:
-            dX = -J.solve(dR)
-            return k * (along(self.problem, X, parameters, value, dX, name) - float(g_X @ dX))
+        def derivative(name: str, direction: Array) -> float:
+            """Return the derivative along (dX, dp) per unit change of a parameter; dp is 1 for p itself."""
 
-        changes = [(self.problem.parameter_derivative(X, name, parameters), name) for name in names]
-        return AugmentedResidual(
-            evaluation,
-            k * math.log(abs(mu)),
-            k * g_X,
-            derivative(evaluation.dR_dp, self.parameter),
-            tuple((dR, derivative(dR, name)) for dR, name in changes),
-        )
+            def moved(X: Array, changed: dict[str, float]) -> float:
+                dp = (changed[name] - parameters[name]) * float(direction[-1])
+                return value(X, {**changed, p: parameters[p] + dp})
+
+            return along(self.problem, X, parameters, moved, direction[:-1], name)
+
+        def change(direction: Array) -> float:
+            """Return the derivative along a scaled direction."""
+            dU = direction * scale
+            if abs(direction[-1]) > MIN_RATE_OF_PARAMETER * norm(direction):
+                return derivative(p, dU / dU[-1]) * float(dU[-1])
+            h = self.problem.difference_step(X, parameters) / norm(direction)
+            above, below = (
+                value(X + step * dU[:-1], {**parameters, p: parameters[p] + step * float(dU[-1])}) for step in (h, -h)
+            )
+            return (above - below) / (2 * h)
+
+        correction = factors.solve(np.append(evaluation.R, 0.0))
+        gradient = change(tangent) * tangent
+        if norm(correction) > MIN_CORRECTION:
+            gradient += change(correction) / norm(correction) ** 2 * correction
+        gradient /= scale
+        derivatives = []
+        for name in names:
+            dR = self.problem.parameter_derivative(X, name, parameters)
+            dU = -factors.solve(np.append(dR, 0.0)) * scale
+            derivatives.append((dR, k * (derivative(name, dU) - float(gradient @ dU))))
+        g_X, g_p = k * gradient[:-1], k * float(gradient[-1])
+        return AugmentedResidual(evaluation, k * math.log(abs(mu)), g_X, g_p, tuple(derivatives))
 
     def _multiplier(self, X: Array, parameters: dict[str, float], base: Borders) -> complex:
         """Return the multiplier nearest to that of the exponent of the borders."""
@@ -333,6 +352,9 @@ class PairModulusProblem(_PairProblem):  # numpydoc ignore=PR02
 
 MIN_CORRECTION = 1e-13
 """Step of Newton's method, relative to the motion, that is rounding: multipliers are not differentiated along it."""
+
+MIN_RATE_OF_PARAMETER = 0.01
+"""Scaled rate of the parameter along a direction below which the step of a difference is that of the motion."""
 
 
 def exponent_of_pair(mu: ComplexArray, nu: int, Omega: float) -> complex | None:

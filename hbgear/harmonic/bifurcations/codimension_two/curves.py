@@ -14,6 +14,7 @@ from hbgear.harmonic.bifurcations.codimension_two.other_multipliers import (
     PairOnFlipEvent,
     PairOnFoldEvent,
     PairOnPairEvent,
+    RealOnPairEvent,
     has_exponents,
 )
 from hbgear.harmonic.bifurcations.codimension_two.pair_resonances import (
@@ -55,8 +56,10 @@ def events_of_codimension_two(curve: MinimallyAugmentedProblem) -> tuple[Event, 
 def _others_on_pairs(curve: MinimallyAugmentedProblem, several: int) -> tuple[Event, ...]:
     """Return the events of other multipliers on a curve of Neimark-Sacker points of a motion with many multipliers."""
     smooth: Any = curve.problem.smooth
-    real = (FoldOnPairEvent(), FlipOnPairEvent()) if several > 2 and smooth else ()
-    return *real, *((PairOnPairEvent(),) if several > 3 else ())
+    real: tuple[Event, ...] = (FoldOnPairEvent(), FlipOnPairEvent())
+    if not smooth:
+        real = RealOnPairEvent(FoldOnPairEvent, 1), RealOnPairEvent(FlipOnPairEvent, -1)
+    return *(real if several > 2 else ()), *((PairOnPairEvent(),) if several > 3 else ())
 
 
 def _ends(curve: MinimallyAugmentedProblem) -> tuple[Event, ...]:

@@ -20,7 +20,7 @@ from hbgear.continuation.problem.adapter import as_problem
 from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import SpecialPoint
-from hbgear.continuation.results.stability import sign_of_pairs
+from hbgear.continuation.results.stability import scaled_determinant, sign_of_pairs
 from hbgear.continuation.solvers.newton import SEARCH_ERRORS
 from hbgear.harmonic.bifurcations.codimension_two.event import CodimensionTwoEvent, other_curve
 from hbgear.harmonic.bifurcations.codimension_two.pair_resonances import EXPONENT, angle_of_pair, exponent_at
@@ -123,9 +123,9 @@ class OtherPairEvent(CodimensionTwoEvent):
         return other_curve(branch, point, side, partial(equations, near=self.near))
 
     def _value(self, problem: Any, name: str, fixed: Mapping[str, float], point: CurvePoint) -> float:
-        """Return `sign_of_pairs` of the other multipliers; zero within rounding, as without damping."""
+        """Return the test function of the other multipliers; zero within rounding, as without damping."""
         try:
-            value = sign_of_pairs(self._others(problem, name, fixed, point))
+            value = self._size(self._others(problem, name, fixed, point))
         except SEARCH_ERRORS:
             return math.nan
         return 0.0 if abs(value) < ROUNDING_OF_FACTOR else value
@@ -139,6 +139,10 @@ class OtherPairEvent(CodimensionTwoEvent):
         for own in self._own(problem, name, fixed, point):
             mu = np.delete(mu, np.argmin(np.abs(mu - own)))
         return mu
+
+    def _size(self, mu: ComplexArray) -> float:
+        """Return the test function of multipliers (r,)."""
+        return sign_of_pairs(mu)
 
     @abstractmethod
     def _own(self, problem: Any, name: str, fixed: Mapping[str, float], point: CurvePoint) -> tuple[complex, ...]:
@@ -203,6 +207,39 @@ class FlipOnPairEvent(CodimensionTwoEvent):
     ) -> tuple[ContinuationProblem, BranchStart]:
         """Return the curve of period doublings, in the direction of ``side``."""
         return other_curve(branch, point, side, PeriodDoublingProblem)
+
+
+class RealOnPairEvent(PairOnPairEvent):
+    """Real multiplier that passes +1 or -1 on a curve of Neimark-Sacker points, for laws whose dR/dX may jump.
+
+    Parameters
+    ----------
+    like : FoldOnPairEvent or FlipOnPairEvent
+        The same point of other laws.
+    multiplier : {1, -1}
+        The real multiplier.
+    """
+
+    def __init__(self, like: type[CodimensionTwoEvent], multiplier: int) -> None:
+        super().__init__()
+        self.kind, self.meaning, self.marker = like.kind, like.meaning, like.marker
+        self.multiplier = multiplier
+
+    def find(self, segment: Segment) -> list[LocatedEvent]:
+        return CodimensionTwoEvent.find(self, segment)
+
+    def equations(self, problem: Any, parameter: str, point: Any) -> None:
+        return None
+
+    def branch_direction(
+        self, branch: Branch, point: SpecialPoint, side: int
+    ) -> tuple[ContinuationProblem, BranchStart]:
+        """Return the curve of folds or period doublings, in the direction of ``side``."""
+        return other_curve(branch, point, side, FoldProblem if self.multiplier > 0 else PeriodDoublingProblem)
+
+    def _size(self, mu: ComplexArray) -> float:
+        """Return the smallest distance from the multiplier, with the sign of the product of all differences."""
+        return math.copysign(np.abs(mu - self.multiplier).min(), scaled_determinant(mu[None], self.multiplier)[0])
 
 
 MAX_RATE_OF_PAIR = 1e-6
