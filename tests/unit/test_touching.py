@@ -14,6 +14,7 @@ from hbgear.continuation.events.event import Event, LocatedEvent
 from hbgear.continuation.events.near_tangency import near_zeros
 from hbgear.continuation.problem.adapter import as_problem
 from hbgear.continuation.solvers.newton import solution_at
+from hbgear.harmonic.bifurcations.multiplier_events import MotionBranchPointEvent
 
 
 def found(f, x):
@@ -374,6 +375,16 @@ def test_zeros_on_the_segments_beside_are_not_returned():
         detector_of(event), segment_between(1, 2), [(event, 0.5)], lambda part, s: part.at(s), path, 1
     )
     assert [found.value for _, found in out] == pytest.approx([1.4, 1.6], abs=1e-10)
+
+
+def test_a_located_fold_is_no_sign_of_branch_points():
+    """On p = x^2 with det(Phi - 1) = x / 5, its ratio to dp/ds has no zero. At the fold it is 0 / 0: rounding."""
+    points = []
+    for x in (-0.7, -0.4, -0.15, 0.0, 0.2, 0.5, 0.9):
+        multiplier, slope = (1 + 0.2 * x, 2 * x) if x else (1 + 1e-9, 1e-13)
+        point = at(x, [multiplier, 0.0])
+        points.append(replace(point, u=np.array([x, x * x]), tangent=np.array([1.0, slope]) / math.hypot(1.0, slope)))
+    assert MotionBranchPointEvent().near_zeros(points, np.zeros((7, 0)), np.ones(2)) == []
 
 
 def test_kinds_that_occur_an_odd_number_of_times_are_dropped():

@@ -77,6 +77,9 @@ SUBSEGMENTS, MIN_COLLIDING_MODULUS = 8, 0.8
 """Number of parts of a segment on which a pair is searched that is real for a while, and the least modulus of
 multipliers that collide there."""
 
+FOLD_DIRECTION = 1e-6
+"""Component of the unit tangent in the parameter below which a point is a fold."""
+
 DOUBLE_MULTIPLIER_DISTANCE = 1e-6
 """Distance up to which two multipliers on the unit circle are equal."""
 
@@ -182,8 +185,8 @@ class MotionBranchPointEvent(BranchPointEvent):
             return []
         tangents, length = np.array([point.tangent for point in points]), lengths(points, scale)
         direction = tangents[:, -1] / norms(tangents / scale)
-        with np.errstate(divide="ignore", invalid="ignore"):  # the direction is zero at a fold
-            determinant = scaled_determinant(mu, 1.0) / direction
+        direction[np.abs(direction) < FOLD_DIRECTION] = np.nan  # at a fold the ratio is rounding
+        determinant = scaled_determinant(mu, 1.0) / direction
         return _without_clean_passages(near_zeros(determinant[:, None], length), -mu, length)
 
 
