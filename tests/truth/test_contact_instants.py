@@ -576,6 +576,26 @@ def test_a_flat_doubled_branch_joins_where_it_came_from(label: str, end: str) ->
     assert abs(doubled.values[-1] - curve[end].parameters["Omega"]) < 1e-9
 
 
+@pytest.mark.slow
+def test_a_doubled_branch_joins_where_two_contacts_exchange_their_order() -> None:
+    """Next to its end both halves of the period differ in the order of the contacts. The special points are those of a
+    balance with H = 32.
+    """
+    teeth = hb.mechanics.Series(1.0, (0.024, 0.063), (0.091,))
+    two_sided = hb.mechanics.PiecewiseLinear((-0.526, 0.526), (7.503, 0.0, 7.503), stiffness=teeth)
+    unequal = hb.mechanics.PiecewiseLinear((-0.393, 0.291), (1.071, 0.0, 3.382))
+    elements = [hb.Element([1.0, 0.0, 0.0], two_sided, damping=0.013), hb.Element([0.0, 1.0, 0.0], unequal)]
+    C, K = (np.diag(3 * [2 * x]) - x * np.eye(3, k=1) - x * np.eye(3, k=-1) for x in (0.06165, 1.101))
+    load = hb.Load(cosine={1: [0.1, 0.322, 0.181]}, sine={2: [0.006, 0.042, 0.029]})
+    model = hb.System(np.diag([1.487, 0.975, 1.343]), C, K, elements, load)
+    curve = hb.trace(hb.ContactInstants(model), "Omega", (1.2, 1.02), cover=False)
+    doubled = hb.switch(curve, "PD1")
+    expected = [1.0801, 1.0965, 1.1037, 1.096, 1.0367, 1.0367, 1.0396, 1.0447, 1.0466, 1.0467, 1.0459]
+    found = [point.parameters["Omega"] for point in doubled.special]
+    assert doubled.status is hb.Status.MERGED and found[:-1] == pytest.approx(expected, abs=2e-4)
+    assert abs(found[-1] - curve["PD2"].parameters["Omega"]) < 1e-9
+
+
 def two_equal(law: Any, force: float, damping: float, coupling: float) -> hb.System:
     """Return two equal coupled masses, each with a contact of one law, with equal forces."""
     K = np.array([[1.3, coupling], [coupling, 1.3]])

@@ -513,12 +513,13 @@ def _reversed_difference(a: CurveState, b: CurveState) -> float:
     """Return the smaller norm of the differences of halves at two states if one is opposite to the other, else 0.
 
     A branch of twice the period is mapped to itself by the exchange of both halves. The difference is reversed where
-    the branch joins the motion of the single period.
+    the branch joins the motion of the single period. If the switches of one state have another order in both halves, it
+    is that of the other state.
     """
-    if a.pattern != b.pattern:
-        return 0.0
     first, second = _difference_of_halves(a), _difference_of_halves(b)
-    reversed_ = len(first) and float((first * second).sum()) < 0
+    if not len(first) or not len(second):
+        return float(max(np.linalg.norm(first), np.linalg.norm(second)))
+    reversed_ = a.pattern == b.pattern and float((first * second).sum()) < 0
     return float(min(np.linalg.norm(first), np.linalg.norm(second))) if reversed_ else 0.0
 
 
