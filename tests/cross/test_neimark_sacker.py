@@ -1,7 +1,10 @@
 """Neimark-Sacker points: against shooting, differences, curves traced again, and one method against the other."""
 
+import numba
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq, root
 
 import hbgear as hb
 from hbgear.continuation.augmented.sensitivity import of_special
@@ -267,3 +270,42 @@ def test_a_pair_that_turns_by_a_quarter_stays_the_same_pair():
         assert abs(growth) < 1e-4  # 1e-2 at a frequency that differs by 0.1 %
         angles.append(angle)
     assert angles[0] - angles[1] > 0.7
+
+
+@numba.njit
+def belt(d, v, tau, k):
+    """Friction of a belt that moves with 0.8; it falls with the sliding velocity, and reverses within k[0]."""
+    slip = v - 0.8
+    steep, falling = np.tanh(slip / k[0]), np.exp(-((slip / 0.5) ** 2))
+    size = 0.3 + 0.2 * falling
+    return steep * size, 0.0, (1 - steep**2) / k[0] * size - steep * 0.8 * falling * 2 * slip
+
+
+@pytest.mark.slow
+def test_friction_of_a_moving_belt_has_its_point_where_multipliers_of_shooting_pass_the_circle():
+    """Steep friction is resolved where the pair is located, not only at the points of the curve."""
+    width, F = 0.02, 0.8
+    law = hb.mechanics.CompiledLaw(belt, parameters=(width,))
+    mass = hb.System([[1.0]], [[0.03]], [[1.0]], [hb.Element([1.0], law)], hb.Load(cosine={1: [F]}))
+    curve = hb.trace(hb.HarmonicBalance(mass), "Omega", (1.3, 2.0))
+    (point,) = curve.special
+    problem, start = point.problem, point.parameters["Omega"]
+
+    def period(y, Omega):
+        def rates(t, Y):
+            force, _, damping = belt.py_func(Y[0], Y[1], 0.0, (width,))
+            J = np.array([[0.0, 1.0], [-1.0, -0.03 - damping]])
+            return [Y[1], F * np.cos(Omega * t) - 0.03 * Y[1] - Y[0] - force, *(J @ Y[2:].reshape(2, 2)).ravel()]
+
+        end = 2 * np.pi / Omega
+        out = solve_ivp(rates, (0, end), [*y, 1, 0, 0, 1], "DOP853", rtol=1e-10, atol=1e-12, max_step=end / 300)
+        return out.y[:2, -1], out.y[2:, -1].reshape(2, 2)
+
+    def growth(Omega):
+        y = root(lambda y: (lambda end, Phi: (end - y, Phi - np.eye(2)))(*period(y, Omega)), guess, jac=True).x
+        return np.log(np.abs(np.linalg.eigvals(period(y, Omega)[1])).max())
+
+    guess = state_of(problem, problem.from_point(point), Omega=start)
+    true = brentq(growth, start - 1e-4, start + 1e-4, xtol=1e-10)
+    assert point.kind == "NS" and point.error < 2e-6
+    assert abs(true - start) < 3 * point.error

@@ -204,7 +204,7 @@ class PointSensitivity:
         problem: Any = self.problem
 
         def value(X: Array, changed: dict[str, float]) -> float:
-            multipliers = problem.multipliers(X, points=8, max_step=1.0, **self._changed_parameters(changed))
+            multipliers = problem.multipliers(X, points=8, **self._changed_parameters(changed))
             return math.log(abs(multipliers[np.argmin(np.abs(multipliers - mu))]))
 
         return value
@@ -262,7 +262,7 @@ class PointSensitivity:
         problem = self.problem
         if not isinstance(problem, HarmonicBalance) or isinstance(problem, ContactInstants):
             raise ValueError("multipliers=True needs a point of a HarmonicBalance, without further unknowns")
-        mu = problem.multipliers(self.X, points=8, max_step=1.0, **self._changed_parameters(self.parameters))[0]
+        mu = problem.multipliers(self.X, points=8, **self._changed_parameters(self.parameters))[0]
         value = self._modulus_nearest_to(mu)
         p = self.parameter
 

@@ -30,7 +30,7 @@ def computed_multipliers(segment: Segment, point: CurvePoint) -> ComplexArray:
     """Return the multipliers of a point with the harmonics of the curve; known ones may have been refined."""
     values = segment.parameters_at(point.value)
     problem: Any = segment.problem  # a HarmonicBalance, whose events these are
-    return problem.multipliers(point.X, points=8, max_step=1.0, **values)
+    return problem.multipliers(point.X, points=8, **values)
 
 
 def count_unstable(mu: ComplexArray) -> np.ndarray:

@@ -347,7 +347,7 @@ class PairModulusProblem(_PairProblem):  # numpydoc ignore=PR02
         return complex(np.log(mu) * Omega / (2 * np.pi * self.problem.nu))
 
     def _multipliers(self, X: Array, parameters: dict[str, float]) -> ComplexArray:
-        return self.problem.multipliers(X, points=8, max_step=1.0, **parameters)
+        return self.problem.multipliers(X, points=8, **parameters)
 
 
 MIN_CORRECTION = 1e-13

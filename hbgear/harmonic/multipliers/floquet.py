@@ -150,14 +150,14 @@ def floquet_multipliers(
         Excitation frequencies.
     points : int, optional
         Number s of Gauss points per step; the scheme has order 2s. The default is 6, or 10 where the period is long
-        compared with the vibration that the springs of the elements would excite. Without ``points`` and ``max_step``,
-        segments of constant stiffness are propagated exactly where this takes less time.
+        compared with the vibration that the springs of the elements would excite. Without ``max_step``, segments of
+        constant stiffness are propagated exactly where this takes less time.
     max_step : float, optional
         Longest step, in units of the time in which the stiffest spring of the elements would turn the inertia of the
         structure by one radian. The default is s / 5, or with ten points 3.5 (4.5 with truncated modes). No step is
         longer than a fifth of the excitation period, and the modes that the elements excite turn by at most .085 s^2
-        radians in a step. Without ``points`` and ``max_step``, steps also resolve the stiffness harmonics and the
-        slopes of laws in Python.
+        radians in a step. Without ``max_step``, steps also resolve the stiffness harmonics and the slopes of sampled
+        laws.
 
     Returns
     -------
@@ -343,7 +343,7 @@ def monodromies(
     long = LONG_PERIOD_RADIANS if points is None else np.inf
     ten_point_step = REDUCED_TEN_POINT_STEP if is_reduced(compiled) else TEN_POINT_STEP
     schemes = (_scheme(short, max_step or short / 5.0), _scheme(10, max_step or ten_point_step), long, _MIDPOINT)
-    resolve = points is None and max_step is None
+    resolve = max_step is None
     if not (compiled.aft_laws or compiled.damped or compiled.normal_pairs):
         packed = compiled.packed_of(X)
         constant = np.bool_(resolve and _has_constant_segments(packed))
