@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
+import operator
 import os
 import re
 import typing
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
@@ -142,20 +143,32 @@ def check_shown(problem: hb.HarmonicBalance, measure: str | None, element: int |
 
 
 def with_landings(
-    landing: str, branch: hb.Branch, problem: Any = None, other_curves: Sequence[hb.Branch] = ()
+    landing: str,
+    branch: hb.Branch,
+    problem_for: Callable[[hb.Branch], Any] = operator.attrgetter("problem"),
+    other_curves: Sequence[hb.Branch] = (),
 ) -> tuple[hb.Branch, bool]:
-    """Return the branch with landings as --landing requires, and True; unchanged with False after Ctrl-C or errors."""
-    if landing == "nearest" or not branch.jumps():
+    """Return the curves with landings as --landing requires, and True; unchanged with False after Ctrl-C or errors.
+
+    The jumps of each curve may land on all curves; ``problem_for`` returns the problem of a curve.
+    """
+    if landing == "nearest" or not any(curve.jumps() for curve in branch.curves):
         return branch, True
     from hbgear.time.jump_integration import integrate_jumps
 
+    curves = [dataclasses.replace(curve, others=()) for curve in branch.curves]
+    integrated = list(curves)
     try:
         with bar("jumps") as progress:
-            return integrate_jumps(branch, other_curves, problem=problem, progress=progress), True
+            for i, curve in enumerate(curves):
+                if curve.jumps():
+                    others = [*curves[:i], *curves[i + 1 :], *other_curves]
+                    integrated[i] = integrate_jumps(curve, others, problem=problem_for(curve), progress=progress)
     except (KeyboardInterrupt, ValueError, ArithmeticError) as error:
         reason = "interrupted" if isinstance(error, KeyboardInterrupt) else f"jumps cannot be integrated: {error}"
         print_message("error", f"{reason}; the nearest motions are shown as landings")
         return branch, False
+    return dataclasses.replace(integrated[0], others=tuple(integrated[1:])), True
 
 
 def span_of(

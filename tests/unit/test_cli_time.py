@@ -81,6 +81,15 @@ def test_jumps_to_a_curve_that_is_given_name_it(run):
     assert code == 2 and "--landing farthest: need nearest or integrate" in err
 
 
+def test_jumps_of_all_curves_of_a_file_are_integrated(run):
+    """Only those of the first curve were, and the advice for the others was to integrate them."""
+    problem = hb.HarmonicBalance(hb.Duffing(), 5)
+    up, down = (hb.trace(problem, "Omega", span) for span in ((0.9, 1.3), (1.3, 0.9)))
+    replace(up, others=(down,)).save("both.npz")
+    code, out, err = run("jumps both.npz --landing integrate")
+    assert (code, err) == (0, "") and out.count("integrated") == 4 and "nearest" not in out
+
+
 def test_jumps_interrupted_are_those_to_the_nearest(run, monkeypatch):
     def interrupted(*_, **__):
         raise KeyboardInterrupt

@@ -265,8 +265,7 @@ def jumps(
     """
     branch, measure = loaded(file, measure, element, dimensionless)
     other_curves = [hb.load(path) for path in other_branches or ()]
-    problem = problem_in(branch, model) if landing == "integrate" and branch.jumps() else None
-    branch, is_complete = with_landings(landing, branch, problem, other_curves)
+    branch, is_complete = with_landings(landing, branch, lambda curve: problem_in(curve, model), other_curves)
     if doublings is not None:
         branch = dataclasses.replace(branch, problem=problem_in(branch, model))
         for direction in ("up", "down"):
