@@ -17,7 +17,7 @@ from hbgear.continuation.solvers.newton import NewtonSettings, solve
 from hbgear.continuation.tracing.jumps import find_jumps, nearest
 from hbgear.continuation.tracing.state import TraceSettings
 from hbgear.continuation.tracing.trace import Tracer, trace
-from hbgear.harmonic.bifurcations.multiplier_events import NeimarkSackerEvent, PeriodDoublingEvent, _refine_root
+from hbgear.harmonic.bifurcations.multiplier_events import NeimarkSackerEvent, PeriodDoublingEvent, refine_root
 from hbgear.harmonic.structure.linear_structure import LinearStructure, UnbalancedLoadError
 from hbgear.mechanics import PiecewiseLinear
 from hbgear.mechanics.series.fourier import resize
@@ -347,4 +347,4 @@ def test_remaining_decay_of_a_motion_of_several_periods(k, rho):
 def test_a_root_on_a_segment_of_zero_length_is_not_refined():
     """Two points of a curve may coincide; the admissible shift must not be divided by the length zero."""
     rough = SimpleNamespace(located=True)
-    assert _refine_root(SimpleNamespace(length=0.0), rough, None) is rough
+    assert refine_root(SimpleNamespace(length=0.0), rough, None) is rough
