@@ -129,7 +129,7 @@ Element = Annotated[
 ]
 
 
-Harmonics = Annotated[str, typer.Option(help="Harmonics H of the excitation frequency; trace also accepts auto.")]
+Harmonics = Annotated[str, typer.Option(help="Number H of harmonics of the excitation frequency.")]
 
 
 Changes = Annotated[

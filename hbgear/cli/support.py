@@ -219,7 +219,7 @@ def metadata_with(meta: dict[str, Any], harmonics: str | None, samples: int | No
     """Return the metadata of a file with other harmonics or samples."""
     balance = dict(meta.get("balance", {}))
     if harmonics is not None:
-        balance = {**balance, "harmonics": harmonics_of(harmonics), "samples": None, "auto": None}
+        balance = {**balance, "harmonics": harmonics_or_auto(harmonics), "samples": None, "auto": None}
     if samples is not None:
         balance = {**balance, "samples": samples}
     return {**meta, "balance": balance} if balance else meta
@@ -348,12 +348,20 @@ def class_of(name: str | None) -> type[hb.mechanics.Model] | None:
 
 
 def problem_of(model: hb.mechanics.Model, harmonics: str, **settings: Any) -> hb.HarmonicBalance:
-    """Return a harmonic balance with the harmonics of --harmonics, a number or auto."""
+    """Return a harmonic balance with the number of harmonics of --harmonics."""
     return hb.HarmonicBalance(model, harmonics_of(harmonics), **settings)
 
 
-def harmonics_of(text: str) -> int | str:
-    """Return the value of --harmonics."""
+def harmonics_of(text: str) -> int:
+    """Return the value of --harmonics of a command that does not adapt their number."""
+    if not (text.isdecimal() and int(text) >= 1):
+        auto = "; only hbgear trace and hbgear extend accept auto" if text == "auto" else ""
+        raise ValueError(f"--harmonics {text}: need a whole number of at least 1, such as --harmonics 16{auto}")
+    return int(text)
+
+
+def harmonics_or_auto(text: str) -> int | str:
+    """Return the value of --harmonics of a command that can adapt their number."""
     if text != "auto" and not (text.isdecimal() and int(text) >= 1):
         raise ValueError(f"--harmonics {text}: need a whole number of at least 1, or auto")
     return text if text == "auto" else int(text)

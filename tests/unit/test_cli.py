@@ -27,6 +27,7 @@ from hbgear.common.text.digits import concise
 REPOSITORY = Path(__file__).parents[2]
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(Path(hb.__file__).parents[1])}  # whether installed or not
 QUICK = ["trace", "duffing", "--harmonics", "3", "--no-stability"]
+DRAWING = "--z 25,40 --module 3mm --width 20mm --torque 200Nm --backlash 80um"
 
 
 @pytest.fixture(scope="module")
@@ -295,8 +296,7 @@ def test_a_report_of_an_interrupted_curve_has_no_recommendation(run, monkeypatch
         yield show
 
     monkeypatch.setattr(cli_support, "bar", impatient)
-    drawing = "--z 25,40 --module 3mm --width 20mm --torque 200Nm --backlash 80um -o pair.toml --plot pair.png"
-    for args in ("gear " + drawing, "speed pair.toml -o part.npz"):
+    for args in (f"gear {DRAWING} -o pair.toml --plot pair.png", "speed pair.toml -o part.npz"):
         code, out, _ = run(*args.split())
         assert code == 3 and "interrupted" in out and "need the whole curve and are left out" in out
         assert "recommendation" not in out and "safe speeds," not in out
@@ -484,6 +484,15 @@ def refused(run, args, *words):
         ("map duffing --in F --from 1 --to 2", ["--in F=1:2", "--from and --to are in Omega"]),
         ("trace duffing --measure loud", ["no measure 'loud'", "pp2"]),
         ("trace duffing --harmonics 3 --measure H4", ["'H4'", "H = 3"]),
+        ("trace duffing --tolerance 1e-4", ["--tolerance 0.0001", "no effect", "--harmonics auto"]),
+        ("trace duffing --harmonics many", ["--harmonics many", "whole number", "or auto"]),
+        ("map duffing --in F=1:2 --harmonics auto", ["--harmonics auto", "whole number", "--harmonics 16"]),
+        ("critical duffing F --harmonics auto", ["--harmonics auto", "whole number", "--harmonics 16"]),
+        (
+            "survey duffing --harmonics auto",
+            ["--harmonics auto", "whole number", "only hbgear trace and hbgear extend"],
+        ),
+        (f"gear {DRAWING} --harmonics auto", ["--harmonics auto", "whole number", "--harmonics 16"]),
         ("trace duffing --element 1", ["no element 1", "'x'"]),
         ("trace duffing --element y", ["no element 'y'", "'x'"]),
         ("trace duffing -o curve.txt", ["'curve.txt'", ".npz, .csv or .mat"]),
@@ -501,6 +510,21 @@ def refused(run, args, *words):
 )
 def test_bad_input(run, args, words):
     refused(run, args.split(), *words)
+
+
+def test_number_of_harmonics_of_a_curve_in_contact_instants(run):
+    """It is that of the results; the curve does not depend on it, but H = 4 leaves out a part of the motions."""
+    curves = []
+    for H in (4, 20):
+        line = f"trace spur-pair --from 0.9 --to 0.88 --no-stability --instants --harmonics {H} -o {H}.npz"
+        code, _, err = run(line)
+        assert (code, err) == (0, "")
+        curves.append(hb.load(f"{H}.npz"))
+    few, many = curves
+    assert (few.layout.harmonics, many.layout.harmonics) == (4, 20)
+    np.testing.assert_allclose(few.values, many.values, rtol=1e-9)
+    np.testing.assert_allclose(few.X, many.X[:, : few.X.shape[1]], atol=1e-9)
+    assert few.error.max() > 100 * many.error.max()
 
 
 def test_nothing_is_computed_before_outputs_are_checked(run, monkeypatch):

@@ -6,7 +6,7 @@ import dataclasses
 import re
 import time
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -31,13 +31,13 @@ from hbgear.cli.support import (
     check_shown,
     chosen_model,
     harmonics_of,
+    harmonics_or_auto,
     loaded,
     longer_span,
     model_at,
     path_of,
     point_of,
     problem_in,
-    problem_of,
     start_of,
     traced,
     with_landings,
@@ -69,10 +69,17 @@ def trace(
     start: Annotated[
         str | None, typer.Option(metavar="FILE[:POINT]", help="Begin at a point (label or value) of a saved curve.")
     ] = None,
-    harmonics: options.Harmonics = "16",
+    harmonics: Annotated[
+        str,
+        typer.Option(
+            help="Number H of harmonics of the excitation frequency, or auto to adapt it. With --instants that of the "
+            "results, on which the curve does not depend."
+        ),
+    ] = "16",
     tolerance: Annotated[
-        float, typer.Option(help="Largest estimated error of the motion for --harmonics auto.")
-    ] = 1e-6,
+        float | None,
+        typer.Option(help="Largest estimated error of the motion for --harmonics auto.", show_default="1e-6"),
+    ] = None,
     orders: Annotated[
         str,
         typer.Option(help="meshes: only the harmonics of each mesh of a train and their combinations; default: all."),
@@ -117,16 +124,20 @@ def trace(
     points. Exit codes: 0 the end was reached, 2 bad input, 3 stopped early (all traced points are saved).
     """
     machine, point, nu = _model_and_start(model, changes, start)
-    settings = {"samples": samples, "sampled": sampled, "orders": orders or None}
+    settings: dict[str, Any] = {"samples": samples, "sampled": sampled, "orders": orders or None}
+    if tolerance is not None and harmonics != "auto":
+        raise ValueError(f"--tolerance {tolerance:g} has no effect without --harmonics auto: give both or neither")
     if instants:
         if any(settings.values()) or harmonics == "auto":
             raise ValueError(
                 "--instants has no samples and no choice of harmonics: leave out --sampled, --samples, --orders, and "
                 "give --harmonics as a number"
             )
-        problem: hb.HarmonicBalance = hb.ContactInstants(machine, int(harmonics_of(harmonics)), nu=nu)
+        problem: hb.HarmonicBalance = hb.ContactInstants(machine, harmonics_of(harmonics), nu=nu)
     else:
-        problem = problem_of(machine, harmonics, nu=nu, tolerance=tolerance, **settings)
+        if tolerance is not None:
+            settings["tolerance"] = tolerance
+        problem = hb.HarmonicBalance(machine, harmonics_or_auto(harmonics), nu=nu, **settings)
     parameter, span, fixed = path_of(machine, within, first, last, at, has_start=point is not None)
     if point is not None:  # otherwise its parameter values would override those of --set
         fixed = {name: value for name, value in problem.parameters.items() if name != parameter} | fixed

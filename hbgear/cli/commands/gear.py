@@ -329,7 +329,7 @@ def interrupted(curve: hb.Branch) -> bool:
 
 
 def _trace_and_report(
-    machine: Machine, count: int | str, by_default: bool, output: Path | None, plot: Path, dimensionless: bool
+    machine: Machine, count: int, by_default: bool, output: Path | None, plot: Path, dimensionless: bool
 ) -> hb.Branch:
     """Trace the curve of a machine, write its files and print its tables."""
     from hbgear.gears.mesh.tooth_mesh import mirror_phase

@@ -49,7 +49,7 @@ def backbone(
         raise ValueError(f"--amplitudes {amplitudes}: need FROM:TO, such as 0.01:1")
     span = number_of("--amplitudes", low), number_of("--amplitudes", high)
     machine = chosen_model(model, changes)
-    curve = hb.analysis.backbone(machine, mode, span, harmonics=_fixed(harmonics))
+    curve = hb.analysis.backbone(machine, mode, span, harmonics=harmonics_of(harmonics))
     axis, length = OmegaAxis.of(machine, dimensionless), None if dimensionless else length_scale(machine, {})
     stability = hb.analysis.backbone_stability(curve)
     with outputs() as out:
@@ -108,7 +108,7 @@ def cycles(
     unit, header = _in_hertz("Omega", None if dimensionless else machine.scales)
     headers = [f"{name}{bracketed(unit_of(machine.labels.get(name, '')))}", header]
     print_table(headers, [[f"{point.value:.8g}", f"{unit * point.Omega:.8g}"] for point in points], "Hopf points")
-    curve = hb.analysis.limit_cycles(machine, points[0], span, harmonics=_fixed(harmonics), length=length)
+    curve = hb.analysis.limit_cycles(machine, points[0], span, harmonics=harmonics_of(harmonics), length=length)
     with outputs() as out:
         out.branch(output, curve)
         out.figure(plot, lambda drawing: drawing.response(curve, measure, element, dimensionless=dimensionless))
@@ -196,14 +196,6 @@ def follow(
         else:
             print("no special points")
     raise typer.Exit(exit_code(curve))
-
-
-def _fixed(harmonics: str) -> int:
-    """Return the number of harmonics, which cannot be "auto" here."""
-    number = harmonics_of(harmonics)
-    if not isinstance(number, int):
-        raise ValueError("--harmonics auto: this command needs a whole number")
-    return number
 
 
 def _shown_rows(count: int) -> list[int]:

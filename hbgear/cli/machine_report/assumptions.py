@@ -65,7 +65,7 @@ def until(stop: Event) -> Callable[[hb.continuation.Progress], None]:
 def alternative_row(
     model: DrawnPair,
     curve: hb.Branch,
-    count: Any,
+    count: int,
     speeds: tuple[float, float] | None,
     assumption: tuple[str, Callable[[], DrawnPair]],
     stop: Event,
@@ -159,7 +159,7 @@ def _lighter(gear: hb.gears.Gear, factor: float) -> hb.gears.Gear:
     return dataclasses.replace(gear, inertia=factor * gear.inertia_used)
 
 
-def show_assumptions(model: DrawnPair, curve: hb.Branch, count: int | str, shown: tuple[float, float] | None) -> None:
+def show_assumptions(model: DrawnPair, curve: hb.Branch, count: int, shown: tuple[float, float] | None) -> None:
     """Print the table of assumptions of a gear pair and of their effect in a range of speeds [r/min].
 
     Without ``shown`` it is that of the curve. ``count`` are the harmonics of the other curves.

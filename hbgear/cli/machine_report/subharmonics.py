@@ -41,7 +41,7 @@ class Subharmonic(NamedTuple):
     factor: float
 
 
-def subharmonics(model: hb.mechanics.Model, curve: hb.Branch, count: int | str, stop: Event) -> list[Subharmonic]:
+def subharmonics(model: hb.mechanics.Model, curve: hb.Branch, count: int, stop: Event) -> list[Subharmonic]:
     """Return the subharmonic motions that begin on a curve, the others of its span, and the curve above the span."""
     span, top = (float(curve.values.min()), PARAMETRIC_SPAN), float(curve.values.max())
     curves = curve.curves if top >= PARAMETRIC_SPAN else (_parametric_curve(model, count, top), *curve.curves)
@@ -56,7 +56,7 @@ def show_subharmonics(motions: Sequence[Subharmonic]) -> None:
         print_table(headers, rows, "other motions of twice the mesh period, which may be reached instead")
 
 
-def _parametric_curve(model: hb.mechanics.Model, count: int | str, top: float) -> hb.Branch:
+def _parametric_curve(model: hb.mechanics.Model, count: int, top: float) -> hb.Branch:
     """Return the curve above the traced span, in which the period doublings of the parametric resonance lie."""
     # no loss of contact there is usual
     with warnings.catch_warnings(action="ignore", category=hb.mechanics.ImplausibleInputWarning):
