@@ -1,6 +1,7 @@
 """Machines as files, and the commands gear and speed."""
 
 import dataclasses
+import os
 import re
 import tomllib
 import warnings
@@ -323,6 +324,15 @@ def test_gear_states_its_assumptions(run):
         and "damping 0.04 (assumed): 0.02" in out
         and "on the driving flank" in out
     )
+
+
+@pytest.mark.slow
+def test_gear_prints_its_tables_where_its_figure_cannot_be_written(run):
+    os.mkdir("gear-25-40.png")
+    code, out, err = run("gear", *DRAWING, "--damping", 0.04, "--harmonics", 6)
+    assert code == 0 and "natural frequency" in out and "wrote" not in out
+    assert "cannot write 'gear-25-40.png': it is a folder" in err and "--plot PATH" in err
+    assert run("gear", *DRAWING, "--plot", "gear-25-40.png")[0] == 2  # asked for, so it is refused
 
 
 @pytest.mark.parametrize(

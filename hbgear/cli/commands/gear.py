@@ -38,7 +38,7 @@ from hbgear.cli.machine_report.peaks import refined_peak, stable_or_limit
 from hbgear.cli.machine_report.speed_ranges import clipped
 from hbgear.cli.machine_report.speeds import recommendation, show_speeds
 from hbgear.cli.machine_report.subharmonics import Subharmonic, show_subharmonics, subharmonics
-from hbgear.cli.output import exit_code, print_table, print_text
+from hbgear.cli.output import exit_code, print_message, print_table, print_text
 from hbgear.cli.output_files import FIGURES, check_writable, outputs
 from hbgear.cli.quantities import is_number
 from hbgear.cli.support import (
@@ -124,8 +124,7 @@ def gear(
     Exit codes: 0 the end was reached, 2 bad input, 3 stopped early.
     """
     teeth = _two_values("--z", z, int, "25,40")
-    plot = plot or Path(f"gear-{teeth[0]}-{abs(teeth[1])}.png")
-    check_writable(plot, FIGURES)
+    plot = plot or _default_figure(teeth)
     machine = _machine(
         teeth,
         module,
@@ -329,7 +328,7 @@ def interrupted(curve: hb.Branch) -> bool:
 
 
 def _trace_and_report(
-    machine: Machine, count: int, by_default: bool, output: Path | None, plot: Path, dimensionless: bool
+    machine: Machine, count: int, by_default: bool, output: Path | None, plot: Path | None, dimensionless: bool
 ) -> hb.Branch:
     """Trace the curve of a machine, write its files and print its tables."""
     from hbgear.gears.mesh.tooth_mesh import mirror_phase
@@ -450,6 +449,17 @@ def without_contact_warning() -> Iterator[None]:
 
 
 # ---- input
+
+
+def _default_figure(teeth: tuple[int, int]) -> Path | None:
+    """Return the path of the figure without --plot; None if it cannot be written, which is reported."""
+    path = Path(f"gear-{teeth[0]}-{abs(teeth[1])}.png")
+    try:
+        check_writable(path, FIGURES)
+    except OSError as error:
+        print_message("warning", f"{error}; no figure is drawn, --plot PATH draws it elsewhere")
+        return None
+    return path
 
 
 def _two_values(option: str, text: str, kind: type, example: str) -> tuple[Any, Any]:
