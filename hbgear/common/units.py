@@ -14,7 +14,7 @@ from functools import lru_cache
 from math import pi
 from typing import Any, overload
 
-from hbgear.common.ranges import ANY, Range, checked
+from hbgear.common.ranges import ANY, NOT_NEGATIVE, POSITIVE, Range, checked
 from hbgear.common.text.messages import quoted
 from hbgear.common.text.unit_spellings import plain_unit
 
@@ -226,9 +226,12 @@ class QuantityField:
         ValueError is raised if it is no quantity of the unit, or out of range.
         """
         number = to_si(owner, self.name, value, self.unit)
-        checked(owner, self.name, number, self.allowed)
+        unit = f" {self.unit}" if self.unit else ""
+        if number not in self.allowed:
+            shown = quoted(value) if isinstance(value, str) else f"{number:.6g}{unit}"
+            limit_unit = "" if self.allowed in (POSITIVE, NOT_NEGATIVE) else unit  # the others state numbers
+            raise ValueError(f"{owner}: {self.name} = {shown} must {self.allowed}{limit_unit}")
         if number not in self.plausible:
-            unit = f" {self.unit}" if self.unit else ""
             example = _example(self.unit)
             way = f"numbers are in {self.unit}, other units are given as text such as {example}"
             raise ValueError(
