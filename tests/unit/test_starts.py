@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from machines import single_mass
+from scipy.integrate import solve_ivp
 
 import hbgear as hb
 from hbgear.continuation.curve.segment import CurvePoint, Segment
@@ -92,6 +93,45 @@ def test_static_states_are_found_once(model):
     """Starts at rest and on both sides lead to one contact, or to two wells and the top between them."""
     found = [float(state.d[0]) for state in static_states(hb.HarmonicBalance(model, 3).compiled({}), 1.0)]
     assert len({round(d, 6) + 0.0 for d in found}) == len(found)
+
+
+def settled(acceleration, x0, v0, Omega, periods):
+    """Return mean and first harmonic of the displacement after a number of periods, integrated by SciPy."""
+    T = 2 * np.pi / Omega
+    times = (periods + np.arange(256) / 256) * T
+    x = solve_ivp(
+        lambda t, y: [y[1], acceleration(*y, t)], (0, times[-1]), [x0, v0], "DOP853", times, rtol=1e-10, atol=1e-12
+    ).y[0]
+    return x.mean(), 2 * abs(np.mean(x * np.exp(-1j * Omega * times)))
+
+
+@pytest.mark.parametrize(("F", "Omega"), [(0.15, 0.75), (0.15, 0.8), (0.2, 0.8), (0.22, 0.8)])
+def test_a_motion_about_rest_comes_before_saddles_far_away(F, Omega):
+    """x'' + .1 x' + x - x^3 = F cos: curves began near the saddle at 1; the stable motion has no mean."""
+    problem = hb.HarmonicBalance(oscillator(1.0, 0.1, hb.Cubic(k3=-1.0), F=F), 16)
+    X = problem.start(Omega=Omega)
+    k = np.arange(1, 17)
+    x0, v0 = X[0] + X[1::2].sum(), Omega * (k * X[2::2]).sum()
+    mean, H1 = settled(lambda x, v, t: F * math.cos(Omega * t) - 0.1 * v - x + x**3, x0, v0, Omega, 40)
+    assert [X[0], np.hypot(X[1], X[2])] == pytest.approx([mean, H1], abs=1e-4) and abs(X[0]) < 1e-9
+
+
+@pytest.mark.parametrize("gap", [0.5, 1.5])
+def test_several_elements_on_one_mass_do_not_hide_an_unstable_state(gap):
+    """x'' + .1 x' - x + x^3 with a stop: curves began on the top between both wells, which has stiffness -1."""
+    elements = [hb.Element([1.0], law) for law in (hb.Cubic(k3=1.0), hb.Unilateral(k=5.0, gap=gap))]
+    problem = hb.HarmonicBalance(hb.System([[1.0]], [[0.1]], [[-1.0]], elements, hb.Load(cosine={1: [0.2]})), 20)
+    found = list(static_states(problem.compiled({}), 2.2))
+    stiffness = [-1 + 3 * x**2 + 5 * (x > gap) for x in (state.d[0] for state in found)]
+    assert [state.stable for state in found] == [k > 0 for k in stiffness] and min(stiffness) < 0
+    assert len({round(state.d[0], 6) + 0.0 for state in found}) == len(found)
+    X = problem.start(Omega=2.2)
+
+    def acceleration(x, v, t):
+        return 0.2 * math.cos(2.2 * t) - 0.1 * v + x - x**3 - 5 * max(x - gap, 0)
+
+    mean, H1 = settled(acceleration, X[0], 0.0, 2.2, 100)
+    assert [X[0], np.hypot(X[1], X[2])] == pytest.approx([mean, H1], abs=1e-5)
 
 
 # ---- stiff contacts without a gap

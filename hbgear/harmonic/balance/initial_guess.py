@@ -32,9 +32,9 @@ from hbgear.mechanics.series.real_basis import derivative
 def find_motion(problem: Any, parameters: dict[str, float]) -> Array:
     """Return a periodic motion of a `HarmonicBalance` at the given parameters.
 
-    Newton starts from the `initial_guesses`, then from static states with dampers that are removed along a path, and
-    last from a motion at another frequency. With many unknowns the path follows the first guess, and no motion at
-    another frequency is searched.
+    Newton starts from the `initial_guesses` about stable static states, then from static states with dampers that are
+    removed along a path, then about all static states, and last from a motion at another frequency. With many unknowns
+    the path follows the first guess, and no motion at another frequency is searched.
 
     Raises
     ------
@@ -42,21 +42,24 @@ def find_motion(problem: Any, parameters: dict[str, float]) -> Array:
         If Newton converges from none of these guesses.
     """
     many = problem.size > MANY_UNKNOWNS
-    guesses = initial_guesses(problem.compiled(parameters), parameters["Omega"])
+    compiled, Omega = problem.compiled(parameters), parameters["Omega"]
+    stable = initial_guesses(compiled, Omega, unstable=False)
     try:
-        return _solution_from_guesses(problem, parameters, islice(guesses, 1) if many else guesses)
+        return _solution_from_guesses(problem, parameters, islice(stable, 1) if many else stable)
     except NoConvergence as error:
-        with suppress(NoConvergence):
-            return from_damped(problem, parameters).X
-        if many:
-            with suppress(NoConvergence):
-                return _solution_from_guesses(problem, parameters, guesses)
-            raise NoConvergence(f"{error}; {_ADVICE}", error.X, error.parameters, error.residuals) from None
-        # a fold may end the motions near these guesses; at another frequency they can be close to a motion
-        X = continue_from_nearby_frequency(problem, parameters)
-        if X is None:
-            raise
-        return X
+        failure = error
+    # before guesses about unstable states, which lead to saddles far away
+    with suppress(NoConvergence):
+        return from_damped(problem, parameters).X
+    with suppress(NoConvergence):
+        return _solution_from_guesses(problem, parameters, initial_guesses(compiled, Omega))
+    if many:
+        raise NoConvergence(f"{failure}; {_ADVICE}", failure.X, failure.parameters, failure.residuals) from None
+    # a fold may end the motions near these guesses; at another frequency they can be close to a motion
+    X = continue_from_nearby_frequency(problem, parameters)
+    if X is None:
+        raise failure
+    return X
 
 
 MANY_UNKNOWNS = 150
@@ -82,9 +85,14 @@ def _solution_from_guesses(problem: Any, parameters: dict[str, float], guesses: 
     raise failure
 
 
-def initial_guesses(compiled: Evaluator, Omega: float) -> Iterator[Array]:
-    """Yield the linear responses about static states, and the static states, the stable ones first."""
-    for static in static_states(compiled, Omega):
+def initial_guesses(compiled: Evaluator, Omega: float, unstable: bool = True) -> Iterator[Array]:
+    """Yield the linear responses about static states, and the static states, the stable ones first.
+
+    Unstable states may be left out if there are stable ones.
+    """
+    for number, static in enumerate(static_states(compiled, Omega)):
+        if number and not (unstable or static.stable):
+            return
         d = linear_response(compiled, Omega, static)
         yield to_real(d).ravel()
         yield to_real(np.concatenate([d[:, :1], 0 * d[:, 1:]], axis=1)).ravel()

@@ -57,7 +57,7 @@ def static_states(compiled: Evaluator, Omega: float) -> Iterator[Static]:
     # closed contacts on either side, near the breakpoints and far beyond them
     for side in (1.5, -1.5, 4.0, -4.0):
         state = _solve_static(compiled, Omega, side * lengths)
-        if any(np.allclose(state.d, d, rtol=_SAME_STATE, atol=0.0) for d in found):
+        if any((np.abs(state.d - d) <= _SAME_STATE * np.maximum(np.abs(d), np.abs(lengths))).all() for d in found):
             continue
         found.append(state.d)
         if state.stable:
@@ -91,7 +91,7 @@ def _solve_static(compiled: Evaluator, Omega: float, d: Array) -> Static:
     limit = max(_EQUILIBRIUM_TOLERANCE * np.linalg.norm(terms), cancellation)
     balanced = bool(np.isfinite(d).all() and residual <= limit)
     reduced = sums[structure.independent]  # forces on dependent elements act through the constraints
-    A = Z[np.ix_(structure.independent, structure.independent)] + reduced @ k @ reduced.T
+    A = reduced @ (Z + k) @ reduced.T
     size = np.abs(Z).max(initial=0.0) + np.abs(k).max(initial=0.0)
     if not balanced:
         return Static(d, k, False, False)
@@ -100,7 +100,7 @@ def _solve_static(compiled: Evaluator, Omega: float, d: Array) -> Static:
 
 
 _SAME_STATE = 1e-6
-"""Relative difference of displacements up to which two states are the same."""
+"""Difference of displacements, over the larger of displacement and characteristic length, up to which states agree."""
 
 _MAX_STATIC_ITERATIONS = 50
 """Maximum number of Newton iterations for a static state."""
