@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import hbgear as hb
+from hbgear.continuation.solvers.newton import solve
 from hbgear.time.integration import state_of
 
 
@@ -163,6 +164,23 @@ def test_laws_whose_slopes_are_unknown():
     for point in (folds["LPNS1"], held["LPNS1"]):
         assert point.parameters["mu"] == pytest.approx(0.1045740702, abs=3e-10) and point.error < 1e-9
         assert point.parameters["Omega"] == pytest.approx(1.5496797171, abs=3e-10)
+
+
+@pytest.mark.slow
+def test_a_pair_of_a_rub_becomes_real():
+    """A curve of Neimark-Sacker points ends where it joins the folds, which have equations of their own."""
+    curve = hb.trace(hb.HarmonicBalance(rubbing(0.143), 5, samples=512), "Omega", (0.5, 2.0), accuracy=None)
+    (last,) = (p for p in curve.special if p.kind == "NS" and 1.3315 < p.parameters["Omega"] < 1.3325)
+    end = hb.follow(curve, last, "mu", (0.143, 0.13), accuracy=None)
+    assert end.status.name == "EVENT" and "ends at a 1:1 resonance" in end.message
+    point = end["RI1"]
+    balance = end.problem.problem
+    fold = hb.continuation.FoldProblem(balance, "Omega")
+    others = {name: value for name, value in point.parameters.items() if name != "Omega"}
+    X = solve(fold, fold.join(balance.from_point(point), point.parameters), others).X
+    assert fold.split(X)[1]["Omega"] == pytest.approx(point.parameters["Omega"], rel=2e-7)
+    mu = balance.multipliers(balance.from_point(point), **point.parameters)
+    assert np.sort(np.abs(mu - 1))[1] < 1e-4
 
 
 @pytest.mark.slow

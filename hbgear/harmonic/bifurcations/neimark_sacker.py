@@ -232,12 +232,13 @@ class NeimarkSackerProblem(_PairProblem):  # numpydoc ignore=PR02
 class PairModulusProblem(_PairProblem):  # numpydoc ignore=PR02
     """Neimark-Sacker points (NS) from multipliers, for laws whose slopes Hill's determinant does not know.
 
-        R(X, p) = 0,   g = log |mu(X, p)| = 0
+        R(X, p) = 0,   g = log |mu_1 mu_2| / 2 = 0
 
-    mu is the multiplier nearest to that of the point before. These laws are friction, contacts with dampers, laws of
-    several displacements and compiled laws of the user. The gradient of g is computed in the directions that Newton's
-    method and tangents need: along the tangent t of the motions X(p), along the correction of R in the plane across t,
-    and along the motions X(a), p(a) in this plane.
+    mu_1, mu_2 are the multipliers nearest to the pair of the point before. At a resonance 1:1 or 1:2 they become real,
+    and g stays smooth, so that curves pass it with regular equations. These laws are friction, contacts with dampers,
+    laws of several displacements and compiled laws of the user. The gradient of g is computed in the directions that
+    Newton's method and tangents need: along the tangent t of the motions X(p), along the correction of R in the plane
+    across t, and along the motions X(a), p(a) in this plane.
     Multipliers of truncated motions converge more slowly with the number of harmonics than zeros of Hill's determinant.
 
     Parameters
@@ -279,22 +280,22 @@ class PairModulusProblem(_PairProblem):  # numpydoc ignore=PR02
 
     def update_borders(self, base: Borders, X: Array, parameters: dict[str, float]) -> Borders:
         """Return the borders with the exponent at X."""
-        mu = self._multiplier(X, parameters, base)
+        mu = self._pair(X, parameters, base)[0]
         return PairBorders(base.weight, exponent=self._exponent(mu, parameters["Omega"]))
 
     def exponent(self, X: Array, **parameters: float) -> complex:
         """Return the exponent s at or near a Neimark-Sacker point; its second frequency is Im s."""
-        mu = self._multiplier(X, parameters, self.base or self.base_at(X, parameters))
+        mu = self._pair(X, parameters, self.base or self.base_at(X, parameters))[0]
         return self._exponent(mu, parameters["Omega"])
 
     def extra(self, X: Array, parameters: dict[str, float], names: Sequence[str], base: Borders) -> AugmentedResidual:
         """Return the residual g and its derivatives; see `MinimallyAugmentedProblem.extra`."""
 
         def value(X: Array, changed: dict[str, float]) -> float:
-            return math.log(abs(self._multiplier(X, changed, base)))
+            return _mean_growth(self._pair(X, changed, base))
 
-        mu = self._multiplier(X, parameters, base)
-        if abs(mu.imag) <= REAL_MULTIPLIER_TOLERANCE:
+        mu = self._pair(X, parameters, base)
+        if abs(mu.sum().real) / 2 > MAX_MEAN_OF_PAIR:
             raise NoConvergence("the pair of multipliers became real", X, parameters, [])
         evaluation, k, p = self.problem.linearise(X, self.parameter, **parameters), base.weight, self.parameter
         scale = np.append(np.full(len(X), norm(X) or 1.0), self.problem.unit_of(p, parameters[p]))
@@ -333,22 +334,32 @@ class PairModulusProblem(_PairProblem):  # numpydoc ignore=PR02
             dU = -factors.solve(np.append(dR, 0.0)) * scale
             derivatives.append((dR, k * (derivative(name, dU) - float(gradient @ dU))))
         g_X, g_p = k * gradient[:-1], k * float(gradient[-1])
-        return AugmentedResidual(evaluation, k * math.log(abs(mu)), g_X, g_p, tuple(derivatives))
+        return AugmentedResidual(evaluation, k * _mean_growth(mu), g_X, g_p, tuple(derivatives))
 
-    def _multiplier(self, X: Array, parameters: dict[str, float], base: Borders) -> complex:
-        """Return the multiplier nearest to that of the exponent of the borders."""
+    def _pair(self, X: Array, parameters: dict[str, float], base: Borders) -> ComplexArray:
+        """Return the multiplier nearest to that of the exponent of the borders, and the one nearest to its inverse."""
         assert isinstance(base, PairBorders)
         near = np.exp(2 * np.pi * self.problem.nu * base.exponent / parameters["Omega"])
         mu = self._multipliers(X, parameters)
-        return complex(mu[np.argmin(np.abs(mu - near))])
+        first = np.argmin(np.abs(mu - near))
+        others = np.delete(mu, first)
+        return np.array([mu[first], others[np.argmin(np.abs(others - 1 / near))]])
 
-    def _exponent(self, mu: complex, Omega: float) -> complex:
+    def _exponent(self, mu: Any, Omega: float) -> complex:
         """Return the exponent of a multiplier, its logarithm over the period."""
         return complex(np.log(mu) * Omega / (2 * np.pi * self.problem.nu))
 
     def _multipliers(self, X: Array, parameters: dict[str, float]) -> ComplexArray:
         return self.problem.multipliers(X, points=8, **parameters)
 
+
+def _mean_growth(pair: ComplexArray) -> float:
+    """Return half the logarithm of the product of two multipliers: log |mu| of a complex pair."""
+    return math.log(abs(pair[0] * pair[1])) / 2
+
+
+MAX_MEAN_OF_PAIR = 1.05
+"""Mean of two multipliers, in absolute value, above which they are real and are not near a resonance, where it is 1."""
 
 MIN_CORRECTION = 1e-13
 """Step of Newton's method, relative to the motion, that is rounding: multipliers are not differentiated along it."""

@@ -19,6 +19,7 @@ from hbgear.harmonic.bifurcations.codimension_two.other_multipliers import (
 )
 from hbgear.harmonic.bifurcations.codimension_two.pair_resonances import (
     FourthResonanceEvent,
+    PassedEndEvent,
     RealPairEvent,
     ThirdResonanceEvent,
 )
@@ -64,6 +65,5 @@ def _others_on_pairs(curve: MinimallyAugmentedProblem, several: int) -> tuple[Ev
 
 def _ends(curve: MinimallyAugmentedProblem) -> tuple[Event, ...]:
     """Return the events at which a curve of Neimark-Sacker points ends."""
-    if not isinstance(curve, NeimarkSackerProblem):
-        return ()
-    return RealPairEvent(FirstResonanceEvent, FoldProblem), RealPairEvent(SecondResonanceEvent, PeriodDoublingProblem)
+    end = RealPairEvent if isinstance(curve, NeimarkSackerProblem) else PassedEndEvent
+    return end(FirstResonanceEvent, FoldProblem), end(SecondResonanceEvent, PeriodDoublingProblem)

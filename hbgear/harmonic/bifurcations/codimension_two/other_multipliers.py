@@ -100,9 +100,9 @@ class OtherPairEvent(CodimensionTwoEvent):
         rough, problem = locate_root(segment, self, test, fine=PAIR_LOCATION_TOLERANCE), segment.problem
         mu = self._others(problem, segment.name, segment.parameters, rough.point)
         balance: Any = problem.problem  # type: ignore[attr-defined]
-        Omega = segment.parameters_at(rough.point.value) | problem.split(rough.point.X)[1]
-        s = exponent_of_pair(mu, balance.nu, Omega["Omega"])
-        if s is None or abs(s.real) > MAX_RATE_OF_PAIR * Omega["Omega"]:
+        Omega = (segment.parameters_at(rough.point.value) | problem.split(rough.point.X)[1])["Omega"]
+        s = exponent_of_pair(mu, balance.nu, Omega)
+        if s is None or abs(s.real) > MAX_RATE_OF_PAIR * Omega:
             return []
         rough = replace(rough, event=type(self)(s))
         equations = rough.event.equations(problem, segment.name, rough)
@@ -133,9 +133,7 @@ class OtherPairEvent(CodimensionTwoEvent):
     def _others(self, problem: Any, name: str, fixed: Mapping[str, float], point: CurvePoint) -> ComplexArray:
         """Return the multipliers without those of the point itself."""
         X, tracked = problem.split(point.X)
-        mu: ComplexArray = problem.problem.multipliers(
-            X, points=8, max_step=1.0, **{**fixed, **tracked, name: point.value}
-        )
+        mu: ComplexArray = problem.problem.multipliers(X, points=8, **{**fixed, **tracked, name: point.value})
         for own in self._own(problem, name, fixed, point):
             mu = np.delete(mu, np.argmin(np.abs(mu - own)))
         return mu
@@ -246,4 +244,4 @@ MAX_RATE_OF_PAIR = 1e-6
 """Rate of growth of a pair on the unit circle, over Omega, that is rounding of its location."""
 
 ROUNDING_OF_FACTOR = 1e-9
-"""Smallest factor mu_i mu_j - 1 of pairs of multipliers that is rounding."""
+"""Value of the test function of other multipliers, mu_i mu_j - 1 or mu -+ 1, up to which it is rounding."""

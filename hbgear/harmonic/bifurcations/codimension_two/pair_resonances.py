@@ -22,7 +22,7 @@ from hbgear.continuation.results.point import SpecialPoint
 from hbgear.continuation.results.status import Status
 from hbgear.continuation.solvers.newton import SEARCH_ERRORS
 from hbgear.harmonic.bifurcations.codimension_two.event import CodimensionTwoEvent, other_curve
-from hbgear.harmonic.bifurcations.codimension_two.resonances import FirstResonanceEvent
+from hbgear.harmonic.bifurcations.codimension_two.resonances import FirstResonanceEvent, ResonanceEvent
 
 
 class AngleEvent(CodimensionTwoEvent):
@@ -46,7 +46,7 @@ class AngleEvent(CodimensionTwoEvent):
     def _value(self, problem: Any, name: str, fixed: Mapping[str, float], point: CurvePoint) -> float:
         """Return cos theta minus its value at the resonance; nan where the pair is real."""
         s = point.observed.get(EXPONENT) or exponent_at(problem, name, fixed, point, None)
-        return math.nan if s is None else math.cos(angle_of_pair(problem, name, fixed, point, s)) - self.cosine
+        return math.nan if s is None else cosine_of_pair(problem, name, fixed, point, s) - self.cosine
 
 
 EXPONENT = "Neimark-Sacker exponent"
@@ -74,6 +74,12 @@ def angle_of_pair(problem: Any, name: str, fixed: Mapping[str, float], point: Cu
     return float(2 * math.pi * problem.problem.nu * s.imag / Omega)
 
 
+def cosine_of_pair(problem: Any, name: str, fixed: Mapping[str, float], point: CurvePoint, s: complex) -> float:
+    """Return (mu + 1 / mu) / 2 of the multiplier mu with the exponent s; beyond -1 and 1 it is real."""
+    Omega = {**fixed, **problem.split(point.X)[1], name: point.value}["Omega"]
+    return float(np.cosh(2 * math.pi * problem.problem.nu * s / Omega).real)
+
+
 class ThirdResonanceEvent(AngleEvent):
     """1:3 resonance: multipliers exp(+-2 pi i / 3)."""
 
@@ -84,6 +90,38 @@ class FourthResonanceEvent(AngleEvent):
     """1:4 resonance: multipliers i and -i."""
 
     kind, meaning, marker, cosine = "RIV", "1:4 resonance: the multipliers are i and -i", "d", 0.0
+
+
+class PassedEndEvent(AngleEvent):
+    """End of a curve of Neimark-Sacker points from multipliers, whose equations are regular there.
+
+    Parameters
+    ----------
+    on : FirstResonanceEvent or SecondResonanceEvent
+        The same point on a curve of folds or period doublings.
+    equations : type
+        `FoldProblem` or `PeriodDoublingProblem`.
+    """
+
+    terminal = True
+
+    def __init__(self, on: type[ResonanceEvent], equations: type[FoldProblem]) -> None:
+        self.kind, self.meaning, self.marker = on.kind, on.meaning, on.marker
+        self.cosine, self.codimension_one = float(on.multiplier), equations
+
+    def branch_direction(
+        self, branch: Branch, point: SpecialPoint, side: int
+    ) -> tuple[ContinuationProblem, BranchStart]:
+        """Return the curve of folds or period doublings that passes at the end, in the direction of ``side``."""
+        return other_curve(branch, point, side, self.codimension_one)
+
+    def termination(self, name: str, value: float) -> tuple[Status, str]:
+        return end_of_pair(self.meaning, name, value)
+
+
+def end_of_pair(meaning: str, name: str, value: float) -> tuple[Status, str]:
+    """Return the status and the message of the end of a curve of Neimark-Sacker points."""
+    return Status.EVENT, f"the curve of Neimark-Sacker points ends at a {meaning} at {name} = {value:.9g}"
 
 
 class RealPairProblem(ScalarConditionProblem):
@@ -183,11 +221,11 @@ class RealPairEvent(CodimensionTwoEvent):
         s = exponent_at(segment.problem, segment.name, segment.parameters, point, segment.a.observed.get(EXPONENT))
         if s is None:
             return 0.0
-        cosine = math.cos(angle_of_pair(segment.problem, segment.name, segment.parameters, point, s))
+        cosine = cosine_of_pair(segment.problem, segment.name, segment.parameters, point, s)
         return math.acos(max(-1.0, min(1.0, cosine if self.on is FirstResonanceEvent else -cosine)))
 
     def termination(self, name: str, value: float) -> tuple[Status, str]:
-        return Status.EVENT, f"the curve of Neimark-Sacker points ends at a {self.meaning} at {name} = {value:.9g}"
+        return end_of_pair(self.meaning, name, value)
 
 
 MAX_END_ANGLE = 0.3
