@@ -125,8 +125,8 @@ class JumpMap:
 
     def __repr__(self) -> str:
         low, high = self.span
-        vanish = "".join(f", {point!r}" for point in self.cusps)
-        return f"<JumpMap over {self.parameter}: {low:.6g} to {high:.6g}, {len(self.arms)} arms{vanish}, {self.status}>"
+        cusps = "".join(f", {point!r}" for point in self.cusps)
+        return f"<JumpMap over {self.parameter}: {low:.6g} to {high:.6g}, {len(self.arms)} arms{cusps}, {self.status}>"
 
     @property
     def cusps(self) -> tuple[SpecialPoint, ...]:
@@ -135,7 +135,7 @@ class JumpMap:
 
     @property
     def special(self) -> tuple[SpecialPoint, ...]:
-        """All special points of the fold curves, also 1:1 resonances (RI), fold-flips (FF) and LPNS."""
+        """All special points of the fold curves, also resonances 1:1 (RI), fold-flips (FF) and LPNS points."""
         return tuple(p for fold in self.folds for p in fold.special)
 
     @checked_arguments()

@@ -157,13 +157,14 @@ def with_landings(
     from hbgear.time.jump_integration import integrate_jumps
 
     curves = [dataclasses.replace(curve, others=()) for curve in branch.curves]
+    problems = [problem_for(curve) if curve.jumps() else None for curve in curves]
     integrated = list(curves)
     try:
         with bar("jumps") as progress:
-            for i, curve in enumerate(curves):
-                if curve.jumps():
+            for i, problem in enumerate(problems):
+                if problem is not None:
                     others = [*curves[:i], *curves[i + 1 :], *other_curves]
-                    integrated[i] = integrate_jumps(curve, others, problem=problem_for(curve), progress=progress)
+                    integrated[i] = integrate_jumps(curves[i], others, problem=problem, progress=progress)
     except (KeyboardInterrupt, ValueError, ArithmeticError) as error:
         reason = "interrupted" if isinstance(error, KeyboardInterrupt) else f"jumps cannot be integrated: {error}"
         print_message("error", f"{reason}; the nearest motions are shown as landings")

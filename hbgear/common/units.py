@@ -47,8 +47,11 @@ _QUANTITY = r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?\s*[^\W\d_]?[\w\s/*.%°-]*(\^
 """A number and a possible unit: letters, products, quotients and whole powers."""
 
 
-_HAS_ANGLE = r"rad|deg|°|r/min|rpm|rps|rev|turn|cycle"
+_HAS_ANGLE = r"rad|deg|°|\br/|rpm|rps|rev|turn|cycle"
 """Units of which a unit of rotational speed has one; 1/s and Hz may be revolutions or radians."""
+
+_REVOLUTIONS = re.compile(r"(?<![^\W\d_])r/(?=(min|s)\b)")
+"""Revolutions in r/min and r/s, which Pint calls turns."""
 
 _PRODUCT_ROUNDING = 2.5e-16
 """Relative rounding error of the product of a number and the factor of a unit."""
@@ -130,23 +133,23 @@ def known_unit(unit: str) -> bool:
 def _converted(owner: str, name: str, value: Any, unit: str) -> float:
     """Return the number of a text or a quantity in a unit."""
     if isinstance(value, str):
-        for text in (value.strip(), _in_plain_units(value.strip())):
+        for text in (value.strip(), _in_plain_units(value.strip(), unit)):
             if (usual := _usual(text, unit)) is not None:
                 return _short(usual)
     need = f"a quantity in {unit} with its unit, such as {_example(unit)}" if unit else "a number"
     refusal = ValueError(f"{owner}: {name} = {quoted(value)} must be {need}{decimal_mark(value)}")
     import pint
 
-    if unit == "rad/s" and not re.search(_HAS_ANGLE, str(getattr(value, "units", value)).lower()):
-        raise refusal  # Pint reads 50 Hz and 3000 1/min as radians per time
+    text = _in_plain_units(value.strip(), unit) if isinstance(value, str) else str(getattr(value, "units", value))
+    if unit == "rad/s" and not re.search(_HAS_ANGLE, text.lower()):
+        raise refusal  # Pint reads 50 Hz as radians per time
     if isinstance(value, str):
-        text = _in_plain_units(value.strip())
         if unit and re.fullmatch(r"[-+]?[\d.]+(?:[eE][-+]?\d+)?", text):
             raise ValueError(f"{owner}: {name} = {quoted(value)} has no unit; give one, such as {_example(unit)}")
         if len(text) > 60 or not re.fullmatch(_QUANTITY, text):
             raise refusal  # a unit alone, or an expression, whose evaluation may take very long
         try:
-            value = _registry()(text.replace("r/min", "rpm").replace("r/s", "turn/s")) if "**" not in text else None
+            value = _registry()(_REVOLUTIONS.sub("turn/", text)) if "**" not in text else None
         except (pint.PintError, ValueError, TypeError, AttributeError, ArithmeticError, SyntaxError, AssertionError):
             raise refusal from None
     try:
@@ -169,8 +172,10 @@ def _usual(text: str, unit: str) -> float | None:
     return None if match is None or factor is None else float(match[1]) * factor
 
 
-def _in_plain_units(text: str) -> str:
+def _in_plain_units(text: str, target: str) -> str:
     """Return a quantity with its unit in the spelling of Pint: "3000 r/min" for "3000 U/min" or "3000 1/min"."""
+    if target == "rad/s":  # of other quantities they are Hz
+        text = re.sub(r"\bcycles?\s*/\s*s\b", "r/s", text)
     match = re.fullmatch(rf"((?>{_NUMBER}))(?:\s*([^\W\d].*|[/°].*)|\s+(1\s*/.*))", text)
     return f"{match[1]} {plain_unit(match[2] or match[3])}" if match and len(text) <= 60 else text
 

@@ -65,8 +65,9 @@ def follow(
     GPD   PD                  generalised period doubling: the doubled branch turns over
     ====  ==================  ======================================================================================
 
-    RI, RII, FF and GPD need a harmonic balance whose laws have slopes, without friction and contacts with dampers.
-    Points of curves in contact instants are followed in contact instants, with CP, IC, RI and RII.
+    CP and IC exist on curves of any problem, the others on curves of a harmonic balance. RI, RII, FF and GPD on curves
+    of LP and PD need laws that have slopes, without friction and contacts with dampers. Points of curves in contact
+    instants are followed in contact instants, with CP, IC, RI and RII.
 
     Parameters
     ----------

@@ -336,7 +336,7 @@ def _widen_constant(ax: Axes) -> None:
     """Show a constant amplitude as a level line: the range of its rounding errors is no range of an axis."""
     low, high = ax.get_ylim()
     if high - low < CONSTANT_RANGE * abs(high):
-        ax.set_ylim(*sorted((0.9 * low, 1.1 * high)))
+        ax.set_ylim(*sorted((0.9 * low, 1.1 * high)), auto=True)  # further curves may widen it
 
 
 def _mark_infinity(

@@ -184,7 +184,7 @@ class MotionBranchPointEvent(BranchPointEvent):
         if mu is None:
             return []
         tangents, length = np.array([point.tangent for point in points]), lengths(points, scale)
-        direction = tangents[:, -1] / norms(tangents / scale)
+        direction = tangents[:, -1] / scale[-1] / norms(tangents / scale)
         direction[np.abs(direction) < FOLD_DIRECTION] = np.nan  # at a fold the ratio is rounding
         determinant = scaled_determinant(mu, 1.0) / direction
         return _without_clean_passages(near_zeros(determinant[:, None], length), -mu, length)

@@ -379,7 +379,8 @@ class Follower:
         norm = _reversed_difference(self.curve.points[-1].state, point.state) if special else 0.0
         for kind, _, exact in special:
             self._accept(exact, 0.0)
-            if norm and np.linalg.norm(_difference_of_halves(exact.state)) < SHORTER_PERIOD_DIFFERENCE * norm:
+            difference = _difference_of_halves(exact.state)
+            if len(difference) and np.linalg.norm(difference) < SHORTER_PERIOD_DIFFERENCE * norm:
                 self.curve.marks.append(CurveMark("EP", len(self.curve.points) - 1))
                 self.curve.status = Status.MERGED
                 self.curve.message = f"the branch joined the one it came from at {self.name} = {exact.state.value:.6g}"
@@ -513,14 +514,22 @@ def _reversed_difference(a: CurveState, b: CurveState) -> float:
     """Return the smaller norm of the differences of halves at two states if one is opposite to the other, else 0.
 
     A branch of twice the period is mapped to itself by the exchange of both halves. The difference is reversed where
-    the branch joins the motion of the single period. If the switches of one state have another order in both halves, it
-    is that of the other state.
+    the branch joins the motion of the single period. If the same switches have another order in the halves of one
+    state, only the difference at the other state is known, and its norm is returned.
     """
     first, second = _difference_of_halves(a), _difference_of_halves(b)
-    if not len(first) or not len(second):
+    if len(first) != len(second) and _has_equal_halves(a) and _has_equal_halves(b):
         return float(max(np.linalg.norm(first), np.linalg.norm(second)))
+    if not len(first) or not len(second):
+        return 0.0
     reversed_ = a.pattern == b.pattern and float((first * second).sum()) < 0
     return float(min(np.linalg.norm(first), np.linalg.norm(second))) if reversed_ else 0.0
+
+
+def _has_equal_halves(state: CurveState) -> bool:
+    """Return whether both halves of a period have the same switches, in any order."""
+    switches, count = state.pattern.switches, state.pattern.count // 2
+    return not state.pattern.count % 2 and sorted(switches[:count]) == sorted(switches[count:])
 
 
 def _difference_of_halves(state: CurveState) -> Array:
