@@ -148,7 +148,7 @@ def with_landings(
     problem_for: Callable[[hb.Branch], Any] = operator.attrgetter("problem"),
     other_curves: Sequence[hb.Branch] = (),
 ) -> tuple[hb.Branch, bool]:
-    """Return the curves with landings as --landing requires, and True; unchanged with False after Ctrl-C or errors.
+    """Return the curves with landings as --landing requires; False if Ctrl-C or an error left some of them unchanged.
 
     The jumps of each curve may land on all curves; ``problem_for`` returns the problem of a curve.
     """
@@ -158,7 +158,7 @@ def with_landings(
 
     curves = [dataclasses.replace(curve, others=()) for curve in branch.curves]
     problems = [problem_for(curve) if curve.jumps() else None for curve in curves]
-    integrated = list(curves)
+    integrated, is_complete = list(curves), True
     try:
         with bar("jumps") as progress:
             for i, problem in enumerate(problems):
@@ -167,9 +167,9 @@ def with_landings(
                     integrated[i] = integrate_jumps(curves[i], others, problem=problem, progress=progress)
     except (KeyboardInterrupt, ValueError, ArithmeticError) as error:
         reason = "interrupted" if isinstance(error, KeyboardInterrupt) else f"jumps cannot be integrated: {error}"
-        print_message("error", f"{reason}; the nearest motions are shown as landings")
-        return branch, False
-    return dataclasses.replace(integrated[0], others=tuple(integrated[1:])), True
+        print_message("error", f"{reason}; the nearest motions are shown as landings of the other jumps")
+        is_complete = False
+    return dataclasses.replace(integrated[0], others=tuple(integrated[1:])), is_complete
 
 
 def span_of(

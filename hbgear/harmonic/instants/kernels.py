@@ -583,10 +583,9 @@ def _cubic_maximum(begin: float, end: float, a: float, b: float) -> tuple[float,
         return 0.5, 0.0  # it is negative
     c, d = 3 * (end - begin) - 2 * a - b, 2 * (begin - end) + a + b
     root = math.sqrt(max(c * c - 3 * d * a, 0.0))  # -half of the second derivative at the maximum
-    if c > 0:  # the root of a + 2 c x + 3 d x^2 at the maximum, without cancellation
-        x = -(c + root) / (3 * d) if d != 0 else -1.0
-    else:
-        x = a / (root - c) if root != c else -1.0
+    # the root of a + 2 c x + 3 d x^2 at the maximum, in the form without cancellation
+    above, below = (-(c + root), 3 * d) if c > 0 else (a, root - c)
+    x = above / below if below != 0 else -1.0
     return (x, 2 * root) if 0 < x < 1 else (0.5, 0.0)
 
 
