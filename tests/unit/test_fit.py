@@ -376,6 +376,25 @@ def test_file(tmp_path, largest):
         hb.design.read_measurements(bad)
 
 
+def test_columns_of_machine_quantities_are_measurements(tmp_path):
+    """Their headings are known; the transmission error was refused, or taken for a displacement with ``columns``."""
+    pair = hb.SpurPair(e=(0.05,), reference=(38000.0, 37.6e-6, 15000.0, 25))
+    curve = hb.trace(hb.HarmonicBalance(pair, 4), "Omega", (1.2, 1.15), stability=False)
+    quantities, path = hb.analysis.machine_quantities(curve), tmp_path / "curve.csv"
+    quantities.save(path)
+    amplitude = "dte, half peak-to-peak [um]"
+    for heading, unit in (("pinion [r/min]", "pinion r/min"), ("mesh [Hz]", "mesh Hz"), ("Omega [-]", "Omega")):
+        data = hb.design.read_measurements(path, {"frequency": heading, "amplitude": amplitude})
+        assert data.unit == unit and data.length == "um" and data.measure == "pp2" and data.transmission_error
+        np.testing.assert_allclose(data.frequency, quantities.columns[heading], rtol=1e-12)
+        np.testing.assert_allclose(data.amplitude, 1e-6 * quantities[amplitude], rtol=1e-12)
+        table = tmp_path / "two.csv"
+        table.write_text(f'{heading},"{amplitude}"\n9000,3.5\n')
+        assert hb.design.read_measurements(table).transmission_error
+    with pytest.raises(ValueError, match="is pp2, and measure = 'rms' was given"):
+        hb.design.read_measurements(table, measure="rms")
+
+
 @pytest.mark.slow
 def test_command(tmp_path, largest, run):
     Omega, direction, amplitude, _ = largest

@@ -21,8 +21,9 @@ _DIRECTIONS = {
     **dict.fromkeys(("up", "rising", "increasing", "+1", "1", "+"), 1),
     **dict.fromkeys(("down", "falling", "decreasing", "-1", "-"), -1),
 }
-_SPEEDS = ("n", "speed", "pinion speed", "rotational speed", "shaft speed")
-_TRANSMISSION_ERRORS = ("dte", "te", "transmission error", "dynamic transmission error")
+_SPEEDS = ("n", "speed", "pinion", "pinion speed", "rotational speed", "shaft speed")
+_TRANSMISSION_ERRORS = ("dte", "dte, half peak to peak", "te", "transmission error", "dynamic transmission error")
+_PP2 = "half peak to peak"  # as in headings of `hbgear.analysis.machine_quantities`
 _COLUMN_UNITS = {"Omega": "", MESH: "Hz", PINION: "r/min"}
 
 
@@ -44,6 +45,7 @@ KINDS = (
             "Omega": "",
             "omega": None,
             "angular frequency": None,
+            "mesh": None,
             "mesh frequency": None,
             "excitation frequency": None,
             "Hz": "Hz",
@@ -63,8 +65,9 @@ KINDS = (
                 "d",
                 "y",
                 "displacement",
+                f"displacement, {_PP2}",
                 "gap",
-                "half peak to peak",
+                _PP2,
                 *_TRANSMISSION_ERRORS,
                 *BUILT_IN_MEASURES,
             ),
@@ -187,17 +190,20 @@ def _frequency(column: Column, given_unit: str | None) -> tuple[str, float]:
 
 def _measure(column: Column | None, settings: Mapping[str, Any]) -> dict[str, Any]:
     """Return the measure that is the name of the column of amplitudes, if it is one, or that it is an error."""
-    name = None if column is None else normal(split(column.heading)[0])
-    if name in _TRANSMISSION_ERRORS:
-        return {"transmission_error": settings.get("transmission_error", True)}
-    if column is None or name not in BUILT_IN_MEASURES:
+    if column is None:
         return {}
-    if settings.get("measure", name) != name:
+    name = normal(split(column.heading)[0])
+    is_error = name in _TRANSMISSION_ERRORS
+    found = {"transmission_error": settings.get("transmission_error", True)} if is_error else {}
+    measure = "pp2" if name.endswith(_PP2) else name
+    if measure not in BUILT_IN_MEASURES:
+        return found
+    if settings.get("measure", measure) != measure:
         raise ValueError(
-            f"'{column.file}': the column {quoted(column.heading)} is {name}, and measure = "
+            f"'{column.file}': the column {quoted(column.heading)} is {measure}, and measure = "
             f"{quoted(settings['measure'])} was given; give the same measure"
         )
-    return {"measure": name}
+    return found | {"measure": measure}
 
 
 def _measurements(roles: Mapping[str, Column], unit: str, factor: float, settings: Mapping[str, Any]) -> Measurements:
