@@ -373,13 +373,21 @@ _TORUS_SETTINGS = ("harmonics", "dense", "ratio", "band", "half")
 """Settings of tori, which replace the harmonics and samples of the balance of their periodic motions."""
 
 
-def _settings_of(branch: Branch) -> dict[str, Any]:
-    """Return the settings of the equations of a branch by name."""
+_SETTINGS = {"samples": "samples per period", "nu": "excitation periods in a period", "auto": "tolerance"}
+"""Descriptions of settings whose names are those of the code."""
+
+
+def _settings_text(branch: Branch) -> str:
+    """Return the settings of the equations of a branch in words; the usual order and exact forces are not stated."""
     balance, torus = (branch.meta.get(name) for name in ("balance", "torus"))
-    settings = balance if isinstance(balance, dict) else {}
-    if not isinstance(torus, dict):
-        return settings
-    return {"nu": settings.get("nu")} | {name: torus.get(name) for name in _TORUS_SETTINGS}
+    settings = dict(balance) if isinstance(balance, dict) else {}
+    if isinstance(torus, dict):
+        settings = {"nu": settings.get("nu")} | {name: torus.get(name) for name in _TORUS_SETTINGS}
+    if settings.get("nu") == 1:
+        del settings["nu"]
+    sampled = settings.pop("sampled", None) is True
+    texts = [f"{_SETTINGS.get(name, name)} = {text_of(value)}" for name, value in settings.items() if value is not None]
+    return ", ".join([*texts, "contact forces sampled (AFT)"] if sampled else texts)
 
 
 def summary_facts(branch: Branch, measure: str | None = None, dimensionless: bool = False) -> Iterator[tuple[str, str]]:
@@ -389,9 +397,8 @@ def summary_facts(branch: Branch, measure: str | None = None, dimensionless: boo
     model has scales.
     """
     stable, layout = branch.stable, branch.layout
-    settings = _settings_of(branch)
     yield "model", title_of(branch)
-    yield "settings", ", ".join(f"{name} = {text_of(value)}" for name, value in settings.items() if value is not None)
+    yield "settings", _settings_text(branch)
     yield "fixed", ", ".join(f"{name} = {branch.fixed[name]:.6g}" for name in ("Omega",) if name in branch.fixed)
     ends = values_text(branch, [branch.values[0], branch.values[-1]], dimensionless)
     yield "curve", f"from {ends[0]} to {ends[1]}, {len(branch)} points"

@@ -555,6 +555,30 @@ def test_curves_of_different_lengths_are_drawn_without_units(driver, tmp_path):
 
 
 @pytest.mark.slow
+def test_first_motion_of_a_curve_to_infinity_is_on_the_axis(driver, tmp_path):
+    """It was the last point if the stability is unknown, or the end stable: an amplitude of 34 in place of 1.5."""
+    pair = hb.SpurPair(zeta=0.01, eps=(0.0, 0.2), e=(0.05,))
+    curve = hb.trace(hb.HarmonicBalance(pair, 8), "Omega", pair.default_span, stability=False)
+    hb.report(curve).save(tmp_path / "far.html")
+    opened(driver, (tmp_path / "far.html").as_uri())
+    n, i = driver.execute_script("return hbgear.state.at")
+    sizes = curve.amplitude("pp2")
+    top = driver.execute_script("return hbgear.state.curves[0].top.pp2[0]")
+    assert curve.asymptotes and sizes[-1] > 10 * top
+    assert (n, sizes[i]) == (0, sizes[sizes <= top].max())
+
+
+def test_settings_are_described_in_words(pair, tmp_path):
+    text = dict(summary_facts(pair))["settings"]
+    problem = pair.problem
+    assert text == f"harmonics = {problem.H}, samples per period = {problem.N}"
+    sampled = hb.HarmonicBalance(hb.SpurPair(), 4, samples=64, nu=2, sampled=True)
+    curve = hb.trace(sampled, "Omega", (1.2, 1.19), stability=False)
+    words = "harmonics = 4, samples per period = 64, excitation periods in a period = 2, contact forces sampled (AFT)"
+    assert dict(summary_facts(curve))["settings"] == words
+
+
+@pytest.mark.slow
 def test_a_click_shows_the_motion(shown, pair):
     from selenium.webdriver.common.by import By
 

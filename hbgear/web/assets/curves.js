@@ -80,6 +80,8 @@ const hbgear = (() => {
   }
 
   const elementOf = (curve) => Math.min(state.element, curve.elements.length - 1);
+  // end of the axis of a curve that goes to infinity; otherwise undefined, which no amplitude exceeds
+  const endOf = (curve) => (curve.top && curve.top[state.measure] && curve.top[state.measure][elementOf(curve)]) || undefined;
 
   function sizes(curve) { // the shown measure at each point
     const j = elementOf(curve);
@@ -226,7 +228,7 @@ const hbgear = (() => {
   }
 
   function topOf() { // upper limit of the axes if a curve goes to infinity
-    const tops = state.curves.map((curve) => curve.top && curve.top[state.measure] && curve.top[state.measure][elementOf(curve)]);
+    const tops = state.curves.map(endOf);
     const known = tops.filter((x) => x);
     return known.length ? Math.max(...known) : null;
   }
@@ -466,9 +468,9 @@ const hbgear = (() => {
     return Promise.all([drawResponse(), drawMotion()]);
   }
 
-  function firstChoice() { // the largest stable motion of the first curve
-    const y = sizes(state.curves[0]);
-    const points = y.map((v, i) => i).filter((i) => y[i] !== null);
+  function firstChoice() { // the largest stable motion of the first curve that is not beyond the axis, on its way to infinity
+    const y = sizes(state.curves[0]), top = endOf(state.curves[0]);
+    const points = y.map((v, i) => i).filter((i) => y[i] !== null && !(y[i] > top));
     const stable = points.filter((i) => state.curves[0].stability[i] === "stable");
     return [0, (stable.length ? stable : points).reduce((best, i) => (y[i] > y[best] ? i : best), stable[0] ?? points[0] ?? 0)];
   }
