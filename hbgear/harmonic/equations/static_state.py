@@ -57,7 +57,9 @@ def static_states(compiled: Evaluator, Omega: float) -> Iterator[Static]:
     # closed contacts on either side, near the breakpoints and far beyond them
     for side in (1.5, -1.5, 4.0, -4.0):
         state = _solve_static(compiled, Omega, side * lengths)
-        if any((np.abs(state.d - d) <= _SAME_STATE * np.maximum(np.abs(d), np.abs(lengths))).all() for d in found):
+        # an iterate close to a position without stiffness did not converge; Newton's method leaves the position from it
+        rounding = _SAME_STATE * np.abs(lengths) if state.balanced else 0.0
+        if any(np.allclose(state.d, d, rtol=_SAME_STATE, atol=rounding) for d in found):
             continue
         found.append(state.d)
         if state.stable:
@@ -100,7 +102,7 @@ def _solve_static(compiled: Evaluator, Omega: float, d: Array) -> Static:
 
 
 _SAME_STATE = 1e-6
-"""Difference of displacements, over the larger of displacement and characteristic length, up to which states agree."""
+"""Difference of displacements, relative to them or to the characteristic length, up to which states agree."""
 
 _MAX_STATIC_ITERATIONS = 50
 """Maximum number of Newton iterations for a static state."""
