@@ -43,7 +43,8 @@ class Branch(BranchData, BranchFacade):
     tracked : dict of str to ndarray, shape (P,)
         The other parameters that vary along the branch.
     multipliers : ndarray of complex, shape (P, r), or None
-        Multipliers of each point. None if they were not computed, nan where the computation failed.
+        Multipliers of each point, of large structures the 32 largest of the modes that stability considers, followed
+        by zeros. None if they were not computed, nan where the computation failed.
     iterations : ndarray of int, shape (P,)
         Number of iterations of the corrector.
     residual : ndarray, shape (P,)
