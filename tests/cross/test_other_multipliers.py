@@ -100,6 +100,10 @@ def test_a_pair_passes_the_circle_on_a_curve_of_folds(tmp_path):
     few = {"accuracy": None, "steps": hb.StepControl(max_points=8)}
     held = hb.switch(folds, "LPNS1", (0.3, 1.3), side=-1, **few)
     assert isinstance(held.problem, hb.harmonic.NeimarkSackerProblem)
+    # back through the point at which it began
+    held = hb.trace(
+        held.problem, "F", (held.values[-1], 0.8), held[-1], accuracy=None, steps=hb.StepControl(max_points=20)
+    )
     assert places(held, "LPNS")[0] == pytest.approx(list(exact.values()), abs=3e-9)
     back = hb.switch(held, "LPNS1", (0.3, 1.3), **few)
     assert isinstance(back.problem, hb.continuation.FoldProblem) and len(back) == 8

@@ -181,7 +181,18 @@ class PairOnPairEvent(OtherPairEvent):
         return complex(mu), complex(mu.conjugate())
 
 
-class FoldOnPairEvent(CodimensionTwoEvent):
+class MultiplierOnPairEvent(CodimensionTwoEvent):
+    """Real multiplier that passes +1 or -1 on a curve of Neimark-Sacker points.
+
+    Where the curve ends, its own pair has this value, and the sign of the function is rounding.
+    """
+
+    def find(self, segment: Segment) -> list[LocatedEvent]:
+        ends = self.values((segment.a, segment.b), segment.problem, segment.name, segment.parameters)
+        return super().find(segment) if np.abs(ends).min() > ROUNDING_OF_SINGULAR_VALUE else []
+
+
+class FoldOnPairEvent(MultiplierOnPairEvent):
     """Fold-Neimark-Sacker point on a curve of Neimark-Sacker points: a multiplier passes +1."""
 
     kind, meaning, marker = PairOnFoldEvent.kind, PairOnFoldEvent.meaning, PairOnFoldEvent.marker
@@ -194,7 +205,7 @@ class FoldOnPairEvent(CodimensionTwoEvent):
         return other_curve(branch, point, side, FoldProblem)
 
 
-class FlipOnPairEvent(CodimensionTwoEvent):
+class FlipOnPairEvent(MultiplierOnPairEvent):
     """Flip-Neimark-Sacker point on a curve of Neimark-Sacker points: a multiplier passes -1."""
 
     kind, meaning, marker = PairOnFlipEvent.kind, PairOnFlipEvent.meaning, PairOnFlipEvent.marker
@@ -245,3 +256,6 @@ MAX_RATE_OF_PAIR = 1e-6
 
 ROUNDING_OF_FACTOR = 1e-9
 """Value of the test function of other multipliers, mu_i mu_j - 1 or mu -+ 1, up to which it is rounding."""
+
+ROUNDING_OF_SINGULAR_VALUE = 1e-12
+"""Smallest singular value of a matrix, over its largest one, up to which the matrix is singular."""

@@ -221,7 +221,7 @@ class RealPairEvent(CodimensionTwoEvent):
         s = exponent_at(segment.problem, segment.name, segment.parameters, point, segment.a.observed.get(EXPONENT))
         if s is None:
             return 0.0
-        cosine = cosine_of_pair(segment.problem, segment.name, segment.parameters, point, s)
+        cosine = math.cos(angle_of_pair(segment.problem, segment.name, segment.parameters, point, s))
         return math.acos(max(-1.0, min(1.0, cosine if self.on is FirstResonanceEvent else -cosine)))
 
     def termination(self, name: str, value: float) -> tuple[Status, str]:
