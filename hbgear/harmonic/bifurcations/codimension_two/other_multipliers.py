@@ -188,7 +188,7 @@ class MultiplierOnPairEvent(CodimensionTwoEvent):
     """
 
     def find(self, segment: Segment) -> list[LocatedEvent]:
-        ends = self.values((segment.a, segment.b), segment.problem, segment.name, segment.parameters)
+        ends = self.values((segment.a, segment.b), segment.problem, segment.name, dict(segment.parameters))
         return super().find(segment) if np.abs(ends).min() > ROUNDING_OF_SINGULAR_VALUE else []
 
 
