@@ -132,15 +132,15 @@ def known_unit(unit: str) -> bool:
 
 def _converted(owner: str, name: str, value: Any, unit: str) -> float:
     """Return the number of a text or a quantity in a unit."""
+    text = _in_plain_units(value.strip(), unit) if isinstance(value, str) else str(getattr(value, "units", value))
     if isinstance(value, str):
-        for text in (value.strip(), _in_plain_units(value.strip(), unit)):
-            if (usual := _usual(text, unit)) is not None:
+        for given in (value.strip(), text):
+            if (usual := _usual(given, unit)) is not None:
                 return _short(usual)
     need = f"a quantity in {unit} with its unit, such as {_example(unit)}" if unit else "a number"
     refusal = ValueError(f"{owner}: {name} = {quoted(value)} must be {need}{decimal_mark(value)}")
     import pint
 
-    text = _in_plain_units(value.strip(), unit) if isinstance(value, str) else str(getattr(value, "units", value))
     if unit == "rad/s" and not re.search(_HAS_ANGLE, text.lower()):
         raise refusal  # Pint reads 50 Hz as radians per time
     if isinstance(value, str):
