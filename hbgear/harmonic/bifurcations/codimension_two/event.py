@@ -23,9 +23,18 @@ Test = Callable[[Any, Array, dict[str, float]], float]
 
 
 class CodimensionTwoEvent(BuiltInEvent):
-    """Zero of a smooth function along a curve of special points."""
+    """Zero of a smooth function along a curve of special points.
+
+    Attributes
+    ----------
+    function : callable
+        The function.
+    other : type, optional
+        Equations of another curve of special points that passes the point.
+    """
 
     function: Test
+    other: type[MinimallyAugmentedProblem] | None = None
 
     def values(
         self, points: Sequence[CurvePoint], problem: ContinuationProblem, name: str, fixed: dict[str, float]
@@ -41,6 +50,12 @@ class CodimensionTwoEvent(BuiltInEvent):
             return self._value(segment.problem, segment.name, segment.parameters, point)
 
         return [locate_root(segment, self, test)] if test(segment.a) * test(segment.b) < 0 else []
+
+    def branch_direction(
+        self, branch: Branch, point: SpecialPoint, side: int
+    ) -> tuple[ContinuationProblem, BranchStart] | None:
+        """Return the other curve that passes the point, in the direction of ``side``; None without one."""
+        return None if self.other is None else other_curve(branch, point, side, self.other)
 
     def _value(self, problem: Any, name: str, fixed: Mapping[str, float], point: CurvePoint) -> float:
         """Return the function at a point; nan where it is undefined."""

@@ -116,7 +116,7 @@ class OtherPairEvent(CodimensionTwoEvent):
 
     def branch_direction(
         self, branch: Branch, point: SpecialPoint, side: int
-    ) -> tuple[ContinuationProblem, BranchStart]:
+    ) -> tuple[ContinuationProblem, BranchStart] | None:
         """Return the curve of Neimark-Sacker points of the other pair, in the direction of ``side``."""
         curve: Any = as_problem(branch.problem)
         equations = NeimarkSackerProblem if has_exponents(curve.problem) else PairModulusProblem
@@ -196,26 +196,14 @@ class FoldOnPairEvent(MultiplierOnPairEvent):
     """Fold-Neimark-Sacker point on a curve of Neimark-Sacker points: a multiplier passes +1."""
 
     kind, meaning, marker = PairOnFoldEvent.kind, PairOnFoldEvent.meaning, PairOnFoldEvent.marker
-    function = staticmethod(FoldOnFlipEvent.function)
-
-    def branch_direction(
-        self, branch: Branch, point: SpecialPoint, side: int
-    ) -> tuple[ContinuationProblem, BranchStart]:
-        """Return the curve of folds, in the direction of ``side``."""
-        return other_curve(branch, point, side, FoldProblem)
+    function, other = staticmethod(FoldOnFlipEvent.function), FoldProblem
 
 
 class FlipOnPairEvent(MultiplierOnPairEvent):
     """Flip-Neimark-Sacker point on a curve of Neimark-Sacker points: a multiplier passes -1."""
 
     kind, meaning, marker = PairOnFlipEvent.kind, PairOnFlipEvent.meaning, PairOnFlipEvent.marker
-    function = staticmethod(FlipOnFoldEvent.function)
-
-    def branch_direction(
-        self, branch: Branch, point: SpecialPoint, side: int
-    ) -> tuple[ContinuationProblem, BranchStart]:
-        """Return the curve of period doublings, in the direction of ``side``."""
-        return other_curve(branch, point, side, PeriodDoublingProblem)
+    function, other = staticmethod(FlipOnFoldEvent.function), PeriodDoublingProblem
 
 
 class RealOnPairEvent(PairOnPairEvent):
@@ -231,7 +219,7 @@ class RealOnPairEvent(PairOnPairEvent):
 
     def __init__(self, like: type[CodimensionTwoEvent], multiplier: int) -> None:
         super().__init__()
-        self.kind, self.meaning, self.marker = like.kind, like.meaning, like.marker
+        self.kind, self.meaning, self.marker, self.other = like.kind, like.meaning, like.marker, like.other
         self.multiplier = multiplier
 
     def find(self, segment: Segment) -> list[LocatedEvent]:
@@ -242,9 +230,8 @@ class RealOnPairEvent(PairOnPairEvent):
 
     def branch_direction(
         self, branch: Branch, point: SpecialPoint, side: int
-    ) -> tuple[ContinuationProblem, BranchStart]:
-        """Return the curve of folds or period doublings, in the direction of ``side``."""
-        return other_curve(branch, point, side, FoldProblem if self.multiplier > 0 else PeriodDoublingProblem)
+    ) -> tuple[ContinuationProblem, BranchStart] | None:
+        return CodimensionTwoEvent.branch_direction(self, branch, point, side)
 
     def _size(self, mu: ComplexArray) -> float:
         """Return the smallest distance from the multiplier, with the sign of the product of all differences."""

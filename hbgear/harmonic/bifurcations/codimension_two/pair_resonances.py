@@ -13,15 +13,13 @@ from hbgear.common.arrays import Array
 from hbgear.continuation.augmented.fold import FoldProblem
 from hbgear.continuation.augmented.level import ScalarConditionProblem
 from hbgear.continuation.augmented.minimally_augmented import MinimallyAugmentedProblem
-from hbgear.continuation.curve.segment import BranchStart, CurvePoint, Segment
+from hbgear.continuation.curve.segment import CurvePoint, Segment
 from hbgear.continuation.events.event import LocatedEvent
 from hbgear.continuation.numerics.linear import norm
 from hbgear.continuation.problem.base import ContinuationProblem
-from hbgear.continuation.results.branch import Branch
-from hbgear.continuation.results.point import SpecialPoint
 from hbgear.continuation.results.status import Status
 from hbgear.continuation.solvers.newton import SEARCH_ERRORS
-from hbgear.harmonic.bifurcations.codimension_two.event import CodimensionTwoEvent, other_curve
+from hbgear.harmonic.bifurcations.codimension_two.event import CodimensionTwoEvent
 from hbgear.harmonic.bifurcations.codimension_two.resonances import FirstResonanceEvent, ResonanceEvent
 
 
@@ -92,36 +90,35 @@ class FourthResonanceEvent(AngleEvent):
     kind, meaning, marker, cosine = "RIV", "1:4 resonance: the multipliers are i and -i", "d", 0.0
 
 
-class PassedEndEvent(AngleEvent):
-    """End of a curve of Neimark-Sacker points from multipliers, whose equations are regular there.
+class EndEvent(CodimensionTwoEvent):
+    """End of a curve of Neimark-Sacker points, where the pair becomes real: the resonance 1:1 or 1:2.
 
     Parameters
     ----------
     on : FirstResonanceEvent or SecondResonanceEvent
         The same point on a curve of folds or period doublings.
     equations : type
-        `FoldProblem` or `PeriodDoublingProblem`.
+        Equations of this curve: `FoldProblem` or `PeriodDoublingProblem`.
     """
 
     terminal = True
+    other: type[FoldProblem]
 
     def __init__(self, on: type[ResonanceEvent], equations: type[FoldProblem]) -> None:
         self.kind, self.meaning, self.marker = on.kind, on.meaning, on.marker
-        self.cosine, self.codimension_one = float(on.multiplier), equations
-
-    def branch_direction(
-        self, branch: Branch, point: SpecialPoint, side: int
-    ) -> tuple[ContinuationProblem, BranchStart]:
-        """Return the curve of folds or period doublings that passes at the end, in the direction of ``side``."""
-        return other_curve(branch, point, side, self.codimension_one)
+        self.on, self.other = on, equations
 
     def termination(self, name: str, value: float) -> tuple[Status, str]:
-        return end_of_pair(self.meaning, name, value)
+        return Status.EVENT, f"the curve of Neimark-Sacker points ends at a {self.meaning} at {name} = {value:.9g}"
 
 
-def end_of_pair(meaning: str, name: str, value: float) -> tuple[Status, str]:
-    """Return the status and the message of the end of a curve of Neimark-Sacker points."""
-    return Status.EVENT, f"the curve of Neimark-Sacker points ends at a {meaning} at {name} = {value:.9g}"
+class PassedEndEvent(EndEvent, AngleEvent):
+    """End of a curve of Neimark-Sacker points from multipliers, whose equations are regular there."""
+
+    @property
+    def cosine(self) -> float:  # type: ignore[override]
+        """Cosine of the angle of the pair."""
+        return float(self.on.multiplier)
 
 
 class RealPairProblem(ScalarConditionProblem):
@@ -140,31 +137,19 @@ class RealPairProblem(ScalarConditionProblem):
     argument_names = ("end",)
 
     def __init__(self, problem: Any, parameter: str, end: RealPairEvent) -> None:
-        curve = end.codimension_one(problem.problem, problem.parameter)
+        curve = end.other(problem.problem, problem.parameter)
         super().__init__(curve, parameter, lambda point: end.on.function(curve, point.X, dict(point.parameters)))
         self._fixed(end=end)
 
 
-class RealPairEvent(CodimensionTwoEvent):
-    """End of a curve of Neimark-Sacker points, where the pair becomes real: the resonance 1:1 or 1:2.
+class RealPairEvent(EndEvent):
+    """End of a curve of Neimark-Sacker points from Hill's determinant, whose equations are singular there.
 
     theta^2, or (pi - theta)^2, falls linearly to zero. The point is located on the curve of folds or period doublings
     that passes there.
-
-    Parameters
-    ----------
-    on : FirstResonanceEvent or SecondResonanceEvent
-        The same point on that curve.
-    equations : type
-        `FoldProblem` or `PeriodDoublingProblem`.
     """
 
-    terminal = True
     regular_at_corners = True  # the curve of folds or period doublings does not end there
-
-    def __init__(self, on: type[CodimensionTwoEvent], equations: type[FoldProblem]) -> None:
-        self.kind, self.meaning, self.marker = on.kind, on.meaning, on.marker
-        self.on, self.codimension_one = on, equations
 
     def find(self, segment: Segment) -> list[LocatedEvent]:
         """Return the resonance that a step has passed: the pair is real on a part of the segment, not at its ends."""
@@ -184,12 +169,6 @@ class RealPairEvent(CodimensionTwoEvent):
             return []
         found = self._near(segment, segment.guess(first))
         return [found] if found is not None and 0 <= found.s <= 1 else []
-
-    def branch_direction(
-        self, branch: Branch, point: SpecialPoint, side: int
-    ) -> tuple[ContinuationProblem, BranchStart]:
-        """Return the curve of folds or period doublings that passes at the end, in the direction of ``side``."""
-        return other_curve(branch, point, side, self.codimension_one)
 
     def ahead(self, segment: Segment) -> LocatedEvent | None:
         """Return the resonance slightly beyond the last segment."""
@@ -223,9 +202,6 @@ class RealPairEvent(CodimensionTwoEvent):
             return 0.0
         cosine = math.cos(angle_of_pair(segment.problem, segment.name, segment.parameters, point, s))
         return math.acos(max(-1.0, min(1.0, cosine if self.on is FirstResonanceEvent else -cosine)))
-
-    def termination(self, name: str, value: float) -> tuple[Status, str]:
-        return end_of_pair(self.meaning, name, value)
 
 
 MAX_END_ANGLE = 0.3
