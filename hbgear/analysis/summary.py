@@ -232,10 +232,11 @@ def leaving_lines(branch: Branch) -> list[str]:
 def _has_tori(branch: Branch) -> bool:
     """Return whether tori of the model of a branch can be computed; True if its problem is unknown."""
     from hbgear.harmonic.harmonic_balance import HarmonicBalance
-    from hbgear.harmonic.multipliers.sampled_slopes import has_sampled_slopes
 
-    problem = branch.problem
-    return not isinstance(problem, HarmonicBalance) or has_sampled_slopes(problem.compiled({}))
+    if not isinstance(branch.problem, HarmonicBalance):
+        return True
+    evaluator = branch.problem.compiled({})
+    return not (evaluator.sliders or evaluator.damped)
 
 
 def reliability_lines(branch: Branch, dimensionless: bool = False) -> list[str]:

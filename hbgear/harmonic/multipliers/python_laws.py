@@ -11,7 +11,7 @@ from hbgear.common.arrays import Array
 from hbgear.harmonic.equations.evaluator import Evaluator
 from hbgear.harmonic.forces.aft import edge_crossings
 from hbgear.harmonic.multipliers.resolved_steps import resolved_steps
-from hbgear.harmonic.multipliers.sampled_slopes import slopes_at, vector_slopes_at
+from hbgear.harmonic.multipliers.sampled_slopes import slope_pairs, slopes_at, vector_slopes_at
 from hbgear.harmonic.structure.modes import ModalBlock, SymmetricPair
 from hbgear.mechanics.series.fourier import evaluate
 
@@ -135,45 +135,33 @@ def _product_with_jumps(
 
 def _with_coupled_ports(block: ModalBlock, compiled: Evaluator) -> ModalBlock:
     """Return a block with one more port for each pair of coupled elements: displacement of one, force of the other."""
-    pairs = _coupled_pairs(compiled)
-    if not len(pairs):
+    pairs, modes = slope_pairs(compiled), block.modes
+    if len(pairs) == compiled.m:
         return block
-    modes, g = block.modes, len(block.modes.ports)
-    force, displacement = np.concatenate([np.column_stack([np.arange(g)] * 2), pairs]).T
+    force, displacement = pairs.T
     extended = SymmetricPair.of(
         modes.poles,
         modes.output[displacement],
         modes.input[:, force],
-        np.concatenate([modes.ports, np.full(len(pairs), -1, dtype=np.int64)]),
+        np.concatenate([modes.ports, np.full(len(pairs) - len(modes.ports), -1, dtype=np.int64)]),
         modes.flexibility[np.ix_(displacement, force)],
     )
     return ModalBlock(extended, block.size)
 
 
-def _coupled_pairs(compiled: Evaluator) -> np.ndarray:
-    """Return the pairs (Q, 2) of different elements that are coupled: of the force, and of the displacement.
-
-    These are the elements of vector laws, and pairs of an element with friction and the element of its normal force.
-    """
-    pairs = [(i, j) for elements, _ in compiled.vectors for i in elements for j in elements if i != j]
-    pairs += [pair for pair in compiled.normal_pairs if pair not in pairs]
-    return np.array(pairs, dtype=int).reshape(-1, 2)
-
-
 def _fill_coupled_modulation(compiled: Evaluator, rows: Array, omega: float, theta: Array, D: Array) -> None:
     """Add the slopes of vector laws to the modulations D (2, steps, s, g) of `_with_coupled_ports`."""
-    g = compiled.m
-    D[..., g:] = 0.0
-    ports = {(int(i), int(j)): g + q for q, (i, j) in enumerate(_coupled_pairs(compiled))}
+    D[..., compiled.m :] = 0.0
+    ports = {pair: q for q, pair in enumerate(map(tuple, slope_pairs(compiled).tolist()))}
     for elements, slopes in vector_slopes_at(compiled, rows, omega, theta):
         for a, i in enumerate(elements.tolist()):
             for b, j in enumerate(elements.tolist()):
-                D[..., i if i == j else ports[i, j]] += slopes[:, a, b].reshape(D.shape[:3])
+                D[..., ports[i, j]] += slopes[:, a, b].reshape(D.shape[:3])
 
 
 def _add_slip_modulation(compiled: Evaluator, slides: Any, theta: Array, D: Array) -> None:
     """Add the derivatives of friction forces with respect to the displacement of the normal force, while they slip."""
-    sliders, pairs = compiled.packed.sliders, _coupled_pairs(compiled).tolist()
+    sliders, pairs = compiled.packed.sliders, slope_pairs(compiled).tolist()
     if sliders is None:
         return
     for i in np.flatnonzero(sliders.normal >= 0).tolist():
@@ -181,7 +169,7 @@ def _add_slip_modulation(compiled: Evaluator, slides: Any, theta: Array, D: Arra
         interval = np.searchsorted(begin, begin[0] + np.mod(theta - begin[0], 2 * np.pi), side="right") - 1
         kind = slides.kind[i, interval]
         slope = np.where(np.abs(kind) == 1, kind * sliders.gain[i, slides.zone[i, interval]], 0.0)
-        port = compiled.m + pairs.index([int(sliders.element[i]), int(sliders.normal[i])])
+        port = pairs.index([int(sliders.element[i]), int(sliders.normal[i])])
         D[0, ..., port] += slope.reshape(D.shape[1:3])
 
 

@@ -140,3 +140,14 @@ def vector_slopes_at(compiled: Evaluator, rows: Array, omega: float, theta: Arra
         d, v = evaluate(rows[elements], theta), omega * evaluate(rows[elements], theta, 1)
         slopes.append((elements, np.array(law.force(d, v, compiled.nu * theta)[1:])))
     return slopes
+
+
+def slope_pairs(compiled: Evaluator) -> np.ndarray:
+    """Return the pairs (S, 2) of elements, of the force and of the displacement in which its slope is counted.
+
+    These are all elements in the order of their numbers, followed by pairs of different elements: those of vector laws,
+    and an element with friction with the element of its normal force.
+    """
+    coupled = [(i, j) for elements, _ in compiled.vectors for i in elements for j in elements if i != j]
+    coupled += [pair for pair in compiled.normal_pairs if pair not in coupled]
+    return np.array([(j, j) for j in range(compiled.m)] + coupled, dtype=int)

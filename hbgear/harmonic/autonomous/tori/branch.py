@@ -2,8 +2,9 @@
 
     d = d_0(theta_1) + 2 eps Re(v(theta_1) e^{i theta_2}),   theta_2' = Omega_2 = Im s
 
-d_0 is the periodic motion at the Neimark-Sacker point, v the disturbance of its exponent s from Hill's determinant. The
-first torus has a small given modulation; its Omega and Omega_2 are unknown.
+d_0 is the periodic motion at the Neimark-Sacker point, s the exponent of its pair of multipliers. v is the null vector
+of the equations of a torus at d_0 in the coefficients with k_2 = 1. The first torus has a small given modulation; its
+Omega and Omega_2 are unknown.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import numpy as np
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.ranges import Range, checked, counted
+from hbgear.continuation.numerics.linear import norm
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point, SpecialPoint
 from hbgear.continuation.solvers.newton import solve
@@ -25,9 +27,8 @@ from hbgear.harmonic.autonomous.prescribed_amplitude import PrescribedAmplitude
 from hbgear.harmonic.autonomous.tori.basis import TorusBasis
 from hbgear.harmonic.autonomous.tori.layout import SECOND
 from hbgear.harmonic.autonomous.tori.problem import TorusProblem
-from hbgear.harmonic.bifurcations.neimark_sacker import NeimarkSackerProblem, PairBorders
+from hbgear.harmonic.bifurcations.neimark_sacker import exponent_of_pair
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
-from hbgear.harmonic.multipliers.sampled_slopes import has_sampled_slopes
 from hbgear.mechanics.series.fourier import to_complex
 
 _MAX_EVEN_PART = 1e-8
@@ -124,9 +125,10 @@ def torus(
         raise ValueError(f"{label} has {name} = {value:.6g}, outside the span ({low:g}, {high:g}); widen it")
     balance = balance.at_resolution_of(point)
     X = balance.from_point(point)
-    shape, Omega_2 = _disturbance(balance, X, parameters, name)
+    Omega_2 = _second_frequency(balance, X, parameters)
     require_free_rotation(label, Omega_2 * balance.nu / parameters["Omega"])
-    problem, first, direction = _linear_torus(balance, X, shape, (H1, H2), dense, modulation)
+    problem, base, direction = _linear_torus(balance, X, Omega_2, parameters, (H1, H2), dense)
+    first = base + modulation * norm(base) * direction
     U, start = _first_torus(problem, first, direction, Omega_2, parameters, name)
     ends = (low, high) if U[-1] >= value else (high, low)
     begin = Point(U[:-2], start, 0.0, 0, None, np.zeros(0, dtype=np.int8), math.nan, problem.layout, problem=problem)
@@ -134,18 +136,17 @@ def torus(
     return trace(problem, name, ends, begin, **(usual | options))
 
 
-def _disturbance(
-    balance: HarmonicBalance, X: Array, parameters: dict[str, float], name: str
-) -> tuple[ComplexArray, float]:
-    """Return the coefficients (m, 2H + 1), orders -H..H, of the disturbance at a point, and its frequency."""
-    if not has_sampled_slopes(balance.compiled(parameters)):
+def _second_frequency(balance: HarmonicBalance, X: Array, parameters: dict[str, float]) -> float:
+    """Return the frequency Im s of the pair of multipliers on the unit circle."""
+    if balance.compiled(parameters).damped:
         raise ValueError(
-            "tori are not computed for friction, contacts with dampers, laws of several displacements and compiled "
-            "laws: integrate the motion beyond the point by hb.time.integrate"
+            "tori that leave a curve are not computed for contacts with dampers: integrate the motion beyond the point "
+            "by hb.time.integrate"
         )
-    base = NeimarkSackerProblem(balance, name).base_at(X, parameters)
-    assert isinstance(base, PairBorders) and base.c is not None
-    return base.c.reshape(2 * balance.H + 1, balance.m).T, float(base.exponent.imag)
+    s = exponent_of_pair(balance.multipliers(X, None, **parameters), balance.nu, parameters["Omega"])
+    if s is None:
+        raise ValueError("the multipliers of the point are real; no second frequency begins there")
+    return s.imag
 
 
 def require_free_rotation(label: str, turns: float) -> None:
@@ -160,24 +161,33 @@ def require_free_rotation(label: str, turns: float) -> None:
 
 
 def _linear_torus(
-    balance: HarmonicBalance, X: Array, shape: ComplexArray, harmonics: tuple[int, int], dense: int, modulation: float
+    balance: HarmonicBalance,
+    X: Array,
+    Omega_2: float,
+    parameters: dict[str, float],
+    harmonics: tuple[int, int],
+    dense: int,
 ) -> tuple[TorusProblem, Array, Array]:
-    """Return the problem, the linear torus (n,), and the unit vector (n,) of its modulation."""
-    periodic = to_complex(balance.rows(X))
-    orders = np.arange(-balance.H, balance.H + 1)
-    even = max(_relative_size(periodic, periodic[:, ::2]), _relative_size(shape, shape[:, orders % 2 == 0]))
-    basis = TorusBasis(*harmonics, odd=bool(even < _MAX_EVEN_PART), dense=dense)
-    problem = TorusProblem(balance, basis)
-    c, v = (np.zeros((balance.m, len(basis.k)), dtype=complex) for _ in range(2))
-    for i, (k1, k2) in enumerate(basis.k.tolist()):
-        if k2 == 0 and k1 <= balance.H:
-            c[:, i] = periodic[:, k1]
-        if k2 == 1 and abs(k1) <= balance.H:
-            v[:, i] = shape[:, k1 + balance.H]
-    direction = basis.to_real(v).ravel()
-    direction /= np.linalg.norm(direction)
-    base = basis.to_real(c).ravel()
-    return problem, base + modulation * float(np.linalg.norm(base)) * direction, direction
+    """Return the problem, the periodic motion (n,) as a torus, and the unit vector (n,) of its disturbance.
+
+    The problem has odd harmonics of the first phase only, if both have only these.
+    """
+    problem = TorusProblem(balance, TorusBasis(*harmonics, dense=dense))
+    basis, periodic = problem.basis, to_complex(balance.rows(X))
+    c = np.zeros((balance.m, len(basis.k)), dtype=complex)
+    present = np.flatnonzero((basis.k[:, 1] == 0) & (basis.k[:, 0] <= balance.H))
+    c[:, present] = periodic[:, basis.k[present, 0]]
+    base, rotating = basis.to_real(c), np.zeros_like(c)
+    rotating[:, basis.k[:, 1] == 1] = 1.0 - 1.0j
+    moving = np.flatnonzero(basis.to_real(rotating))
+    J = problem.linearise(np.append(base.ravel(), Omega_2), "", **parameters).dR_dX
+    direction = np.zeros_like(base)
+    direction.flat[moving] = np.linalg.svd(J[np.ix_(moving, moving)])[2][-1]
+    even = basis.k[:, 0] % 2 == 0
+    if all(_relative_size(x, x[:, even]) < _MAX_EVEN_PART for x in map(basis.to_complex, (base, direction))):
+        problem = TorusProblem(balance, TorusBasis(*harmonics, odd=True, dense=dense))
+        base, direction = (problem.basis.convert(x, basis) for x in (base, direction))
+    return problem, base.ravel(), direction.ravel() / norm(direction.ravel())
 
 
 def _relative_size(c: ComplexArray, subset: ComplexArray) -> float:

@@ -36,6 +36,8 @@ from hbgear.harmonic.autonomous.tori.layout import SECOND, TorusLayout
 from hbgear.harmonic.autonomous.tori.stability import growth_of, stability_remark
 from hbgear.harmonic.equations.evaluator import Evaluator
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
+from hbgear.harmonic.multipliers.sampled_slopes import slope_pairs
+from hbgear.mechanics.laws.vector_laws import Component
 from hbgear.mechanics.models import Model, describe
 
 _LARGEST_LOGARITHM = 300.0
@@ -43,22 +45,14 @@ _LARGEST_LOGARITHM = 300.0
 
 
 class _Forces(NamedTuple):
-    """Coefficients p (m, K) of the forces, and the slopes (m, N1, N2) in d and d' (None without dependence)."""
+    """Coefficients p (m, K) of the forces, and the slopes (S, N1, N2) in d and d' (None without dependence).
+
+    The slopes are those of `slope_pairs`: of the force of one element in the displacement of another one or its own.
+    """
 
     p: ComplexArray
     stiffness: Array
     damping: Array | None
-
-
-def _check_laws(evaluator: Evaluator) -> None:
-    """Raise ValueError for laws with memory and laws of several displacements."""
-    if evaluator.sliders:
-        raise ValueError("tori need laws without memory; friction sliders have one: use hb.time.integrate")
-    if evaluator.vectors:
-        name = evaluator.system.elements[int(evaluator.vectors[0][0][0])].name
-        raise ValueError(
-            f"tori need laws of one displacement; '{name}' belongs to a law of several: use hb.time.integrate"
-        )
 
 
 class TorusProblem(ContinuationProblem):
@@ -74,8 +68,8 @@ class TorusProblem(ContinuationProblem):
     Raises
     ------
     ValueError
-        If the structure depends on Omega, is measured or too large for its modes, elements measure dependent
-        displacements, or a law has memory.
+        If the structure is measured or too large for its modes, elements measure dependent displacements, or a law has
+        memory.
 
     Examples
     --------
@@ -94,14 +88,16 @@ class TorusProblem(ContinuationProblem):
     singular_hint = "the two frequencies lock"
 
     def __init__(self, balance: HarmonicBalance, basis: TorusBasis) -> None:
-        structure, evaluator = balance.compiled({}).structure, balance.compiled({})
-        if structure.depends_on_speed or structure.modes is None:
-            raise ValueError("tori need a structure with constant matrices and modes: give a System at one speed")
+        evaluator = balance.compiled({})
+        structure = evaluator.structure
+        if structure.modes is None and not structure.depends_on_speed:
+            raise ValueError("tori need the modes of the structure, which is measured or too large: reduce it first")
         if structure.constrained:
             raise ValueError(
                 "tori need elements with independent displacements: join elements on the same displacement"
             )
-        _check_laws(evaluator)
+        if evaluator.sliders:
+            raise ValueError("tori need laws without memory; friction sliders have one: use hb.time.integrate")
         self.balance, self.basis, self._phase = balance, basis, np.zeros(balance.m * basis.width)
 
     def __repr__(self) -> str:
@@ -117,7 +113,8 @@ class TorusProblem(ContinuationProblem):
     @property
     def smooth(self) -> bool:  # type: ignore[override]
         """Whether the Jacobian is differentiable: no law has breakpoints."""
-        return not len(self.balance.compiled({}).breakpoints)
+        evaluator = self.balance.compiled({})
+        return not (len(evaluator.breakpoints) or any(law.has_edges for _, law in evaluator.vectors))
 
     @property
     def resolution(self) -> str:
@@ -190,8 +187,9 @@ class TorusProblem(ContinuationProblem):
     # ---- equations
 
     def evaluator_at(self, parameters: Mapping[str, float]) -> Evaluator:
-        """Return the model at some parameters, of which the second frequency is left out."""
-        return self.balance.compiled({name: x for name, x in parameters.items() if name != SECOND})
+        """Return the model at some parameters, with the structure at Omega; the second frequency is left out."""
+        evaluator = self.balance.compiled({name: x for name, x in parameters.items() if name != SECOND})
+        return evaluator.at(parameters["Omega"])
 
     def linearise(self, X: Array, name: str, **parameters: float) -> Evaluation:
         """Return the residual, its Jacobian, its derivative in a parameter and the size of its terms."""
@@ -209,37 +207,41 @@ class TorusProblem(ContinuationProblem):
         load = forces.p - kr[:, None] * c + g
         R = c + np.einsum("kij,jk->ik", G, load)
         change = np.einsum("kij,jk->ik", dG, load)
+        pairs = slope_pairs(evaluator)
         slopes = np.array([basis.product(s) for s in forces.stiffness])
         rates = None if forces.damping is None else np.array([basis.product(s) for s in forces.damping])
         if rates is not None:
             slopes = slopes + np.array([_after_derivative(matrix, w) for matrix in rates])
         # the receptances G contain the reference springs
-        slopes[:, np.arange(basis.width), np.arange(basis.width)] -= kr[:, None]
+        slopes[:m, np.arange(basis.width), np.arange(basis.width)] -= kr[:, None]
         A = np.zeros((n + 1, n + 1))
-        A[:n, :n] = _applied(G, slopes, len(basis.k)).reshape(n, n)
+        A[:n, :n] = _applied(G, slopes, pairs).reshape(n, n)
         A[np.arange(n), np.arange(n)] += 1.0
-        A[:n, n] = self._in_frequency(1, change, G, rates, d)
+        A[:n, n] = self._in_frequency(1, change, G, rates, pairs, d)
         size = norm(basis.to_real(c)) + norm(basis.to_real(load - g)) * float(np.abs(G).max(initial=0.0)) + 1e-300
         weight = size / max(norm(d), 1e-300)
         A[n, :n] = weight * self._phase
         out = np.append(basis.to_real(R).ravel(), weight * (self._phase @ d))
         rate = np.zeros(n + 1)
-        if name == "Omega":
+        if name == "Omega" and not self.balance.compiled({}).structure.depends_on_speed:
             constant = basis.to_real(np.einsum("kij,jk->ik", G, dg)).ravel()
-            rate[:n] = self._in_frequency(0, change, G, rates, d) / self.balance.nu + constant
+            rate[:n] = self._in_frequency(0, change, G, rates, pairs, d) / self.balance.nu + constant
         elif name:
             values = {**parameters, SECOND: unknown[SECOND]}
             (rate,) = parameter_derivatives(self, name, values, lambda p: (self.linearise(X, "", **p).R,))
         return Evaluation(out, A, rate, size)
 
-    def _in_frequency(self, i: int, change: ComplexArray, G: ComplexArray, rates: Array | None, d: Array) -> Array:
+    def _in_frequency(
+        self, i: int, change: ComplexArray, G: ComplexArray, rates: Array | None, pairs: np.ndarray, d: Array
+    ) -> Array:
         """Return the derivative (n,) of the balance in one of the two basis frequencies."""
         basis, m = self.basis, self.balance.m
         out = basis.to_real(change * basis.k[:, i])
         if rates is not None:
             derivative = basis.to_real(1j * basis.k[:, i] * basis.to_complex(d.reshape(m, -1)))
-            force = basis.to_complex(np.einsum("jab,jb->ja", rates, derivative))
-            out += basis.to_real(np.einsum("kij,jk->ik", G, force))
+            force = np.zeros_like(derivative)
+            np.add.at(force, pairs[:, 0], np.einsum("sab,sb->sa", rates, derivative[pairs[:, 1]]))
+            out += basis.to_real(np.einsum("kij,jk->ik", G, basis.to_complex(force)))
         return out.ravel()
 
     def forces(self, evaluator: Evaluator, c: ComplexArray, w: Array) -> _Forces:
@@ -248,21 +250,27 @@ class TorusProblem(ContinuationProblem):
         d, v = basis.samples(np.stack([c, 1j * w * c]))
         grid = np.meshgrid(*(2 * np.pi * np.arange(N) / N for N in basis.shape), indexing="ij")
         p, stiffness, damping = (
-            x.reshape(m, *basis.shape)
+            x.reshape(-1, *basis.shape)
             for x in self._laws(evaluator, d.reshape(m, -1), v.reshape(m, -1), np.stack(grid, axis=-1).reshape(-1, 2))
         )
         return _Forces(basis.coefficients(p), stiffness, damping if damping.any() else None)
 
-    def _laws(self, evaluator: Evaluator, d: Array, v: Array, theta: Array) -> list[Array]:
-        """Return the forces and their slopes in d and v, (m, T) each, at T points with phases theta (T, 2)."""
-        results = [
-            [np.broadcast_to(x, len(theta)) for x in law.force(d[j], v[j], tau)]
-            for j, (law, tau) in enumerate(zip(evaluator.laws, self._phases(evaluator, theta), strict=True))
-        ]
-        return [np.array([result[i] for result in results]) for i in range(3)]
+    def _laws(self, evaluator: Evaluator, d: Array, v: Array, theta: Array) -> tuple[Array, Array, Array]:
+        """Return the forces (m, T) and their slopes in d and v, (S, T) each, at T points with phases theta (T, 2)."""
+        phases, pairs = self._phases(evaluator, theta), slope_pairs(evaluator).tolist()
+        p, stiffness, damping = np.zeros(d.shape), *np.zeros((2, len(pairs), len(theta)))
+        for j, law in enumerate(evaluator.laws):
+            if not isinstance(law, Component):
+                p[j], stiffness[j], damping[j] = law.force(d[j], v[j], phases[j])
+        for elements, law in evaluator.vectors:
+            p[elements], kd, kv = law.force(d[elements], v[elements], phases[elements[0]])
+            for a, b in np.ndindex(law.size, law.size):
+                position = pairs.index([elements[a], elements[b]])
+                stiffness[position], damping[position] = kd[a, b], kv[a, b]
+        return p, stiffness, damping
 
     def slopes(self, X: Array, parameters: Mapping[str, float], t: Array, phi: Array) -> tuple[Array, Array | None]:
-        """Return the slopes of the laws in d and d' along a motion (B, m, T); None without the latter.
+        """Return the slopes of `slope_pairs` in d and d' along a motion (B, S, T); None without the latter.
 
         The motion begins at the phases 0 and phi (B,), and t (T,) are instants.
         """
@@ -276,9 +284,8 @@ class TorusProblem(ContinuationProblem):
             table[..., k2] = waves[..., basis.k[:, 1] == k2].sum(axis=-1)
         gap, rate = (table @ np.exp(1j * np.outer(np.arange(basis.H2 + 1), phi))).real.transpose(0, 1, 3, 2)
         theta = np.stack(np.broadcast_arrays(omega[0] * t, phi[:, None] + omega[1] * t), axis=-1).reshape(-1, 2)
-        shape = len(c), len(phi), len(t)
         _, k, b = self._laws(evaluator, gap.reshape(len(c), -1), rate.reshape(len(c), -1), theta)
-        k, b = (x.reshape(shape).transpose(1, 0, 2) for x in (k, b))
+        k, b = (x.reshape(-1, len(phi), len(t)).transpose(1, 0, 2) for x in (k, b))
         return k, b if b.any() else None
 
     def _phases(self, evaluator: Evaluator, theta: Array) -> list[Array]:
@@ -363,14 +370,14 @@ def _after_derivative(product: Array, w: Array) -> Array:
     return out
 
 
-def _applied(G: ComplexArray, slopes: Array, K: int) -> Array:
-    """Return G applied to the slopes, (m, w, m, w), w = 2K - 1, in real form; slopes (m, w, w), G (K, m, m)."""
-    m, width = slopes.shape[:2]
-    out = np.empty((m, width, m, width))
-    for i in range(m):
-        for j in range(m):
-            re, im, P = G[:, i, j].real[:, None], G[:, i, j].imag[:, None], slopes[j]
-            out[i, :K, j] = re * P[:K]
-            out[i, 1:K, j] += im[1:] * P[K:]
-            out[i, K:, j] = re[1:] * P[K:] - im[1:] * P[1:K]
+def _applied(G: ComplexArray, slopes: Array, pairs: np.ndarray) -> Array:
+    """Return G applied to slopes (S, w, w) of pairs (S, 2), (m, w, m, w), w = 2K - 1, in real form; G is (K, m, m)."""
+    (K, m), width = G.shape[:2], slopes.shape[1]
+    out = np.zeros((m, width, m, width))
+    for (j, q), P in zip(pairs.tolist(), slopes, strict=True):
+        for i in range(m):
+            re, im = G[:, i, j].real[:, None], G[:, i, j].imag[:, None]
+            out[i, :K, q] += re * P[:K]
+            out[i, 1:K, q] += im[1:] * P[K:]
+            out[i, K:, q] += re[1:] * P[K:] - im[1:] * P[1:K]
     return out

@@ -30,6 +30,7 @@ from hbgear.common.arrays import Array, ComplexArray
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.stability import UNDECIDED, UNKNOWN
 from hbgear.harmonic.multipliers.gauss_points import gauss_nodes
+from hbgear.harmonic.multipliers.sampled_slopes import slope_pairs
 
 _POINTS = 6
 """Gauss points of a step [-]; the order of the steps is 12."""
@@ -117,8 +118,6 @@ def obstacle(problem: Any, parameters: Mapping[str, float]) -> str:
     evaluator = problem.evaluator_at(parameters)
     if evaluator.damped:
         return "the force of contacts with dampers jumps"
-    if evaluator.vectors:
-        return "laws of several displacements"
     states = len(evaluator.structure.modes.poles)
     if states**2 * problem.basis.shape[1] > _MAX_FLOW_NUMBERS:
         return f"{states} states and {problem.basis.shape[1]} phases are too many: reduce the model"
@@ -160,14 +159,16 @@ class _Flow:
         period, count = 2 * math.pi / omega[0], basis.shape[1]
         c, w = basis.to_complex(d.reshape(problem.balance.m, -1)), basis.k @ omega
         forces = problem.forces(evaluator, c, w)
-        largest = np.abs(forces.stiffness).max(axis=(1, 2))
+        pairs, largest = slope_pairs(evaluator), np.zeros(len(kr))
+        np.add.at(largest, pairs[:, 0], np.abs(forces.stiffness).max(axis=(1, 2)))
         mobility = np.abs(np.einsum("jr,r,rj->j", modes.output, modes.poles, modes.input))
         fastest = max(float(np.sqrt((mobility * largest).max())), math.pi * omega[0])
         steps = factor * math.ceil(period * fastest / _LONGEST_STEP)
-        step = _Step(modes, period / steps)
+        step = _Step(modes.poles, modes.output[pairs[:, 1]], modes.input[:, pairs[:, 0]], period / steps)
         t = ((np.arange(steps)[:, None] + step.nodes) * step.h).ravel()
         k, b = problem.slopes(X, parameters, t, 2 * math.pi * np.arange(count) / count)
-        k = (k - kr[:, None]).reshape(count, len(kr), steps, _POINTS)
+        k[:, : len(kr)] -= kr[:, None]
+        k = k.reshape(count, len(pairs), steps, _POINTS)
         b = None if b is None else b.reshape(k.shape)
         P = np.broadcast_to(np.eye(len(modes.poles), dtype=complex), (count, *(2 * [len(modes.poles)])))
         for i in range(steps):
@@ -210,26 +211,29 @@ class _Flow:
 
 
 class _Step:
-    """One step of collocation of the variational equation; see `hbgear.harmonic.multipliers.floquet`."""
+    """One step of collocation of the variational equation; see `hbgear.harmonic.multipliers.floquet`.
 
-    def __init__(self, modes: Any, h: float) -> None:
+    ``output`` (S, r) are the modal displacements and ``inputs`` (r, S) the modal forces of the slopes.
+    """
+
+    def __init__(self, poles: ComplexArray, output: ComplexArray, inputs: ComplexArray, h: float) -> None:
         from hbgear.harmonic.multipliers.phi_functions import integrals
 
-        self.h, self.modes = h, modes
+        self.h = h
         self.nodes, L = gauss_nodes(_POINTS)
-        ends, poles = np.append(self.nodes, 1.0), modes.poles
+        ends = np.append(self.nodes, 1.0)
         turns = np.empty((_POINTS + 1, len(poles)), dtype=complex)
         inside = np.empty((_POINTS, _POINTS + 1, len(poles)), dtype=complex)
         integrals(poles, h, ends, L, turns, inside, np.empty((_POINTS + 2, turns.size), dtype=complex))
         self.factors = turns[-1]
-        self.free = np.einsum("jr,ir->ijr", modes.output, turns[:-1])  # displacements at the nodes
+        self.free = np.einsum("jr,ir->ijr", output, turns[:-1])  # displacements at the nodes
         self.free_rate = self.free * poles
-        A = np.einsum("jr,pir,rl->ijpl", modes.output, inside[:, :-1], modes.input, optimize=True).real
-        dA = np.einsum("jr,r,pir,rl->ijpl", modes.output, poles, inside[:, :-1], modes.input, optimize=True).real
+        A = np.einsum("jr,pir,rl->ijpl", output, inside[:, :-1], inputs, optimize=True).real
+        dA = np.einsum("jr,r,pir,rl->ijpl", output, poles, inside[:, :-1], inputs, optimize=True).real
         nodes = np.arange(_POINTS)
-        dA[nodes, :, nodes] += (modes.output @ modes.input).real
+        dA[nodes, :, nodes] += (output @ inputs).real
         self.inside, self.inside_rate = A, dA
-        self.end = np.einsum("pr,rl->rpl", inside[:, -1], modes.input).reshape(len(poles), -1)
+        self.end = np.einsum("pr,rl->rpl", inside[:, -1], inputs).reshape(len(poles), -1)
 
     def advanced(self, P: ComplexArray, k: Array, b: Array | None) -> ComplexArray:
         """Return flows (B, r, r) after the step, with slopes (B, m, s) in the displacements and rates."""
