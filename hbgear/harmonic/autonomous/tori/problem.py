@@ -203,7 +203,7 @@ class TorusProblem(ContinuationProblem):
         G, dG = evaluator.structure.transfer(1j * w)
         dG = 1j * dG  # in w
         kr = evaluator.structure.kr
-        g, dg = self._constants(evaluator, parameters["Omega"])
+        g, dg = _constants(basis, evaluator, parameters["Omega"])
         load = forces.p - kr[:, None] * c + g
         R = c + np.einsum("kij,jk->ik", G, load)
         change = np.einsum("kij,jk->ik", dG, load)
@@ -296,15 +296,6 @@ class TorusProblem(ContinuationProblem):
         """Return the loads (K, n) on the coordinates with the second phase; zero for a torus of unknown frequency."""
         return np.zeros((len(self.basis.k), self.balance.compiled({}).structure.n), dtype=complex)
 
-    def _constants(self, evaluator: Evaluator, Omega: float) -> tuple[ComplexArray, ComplexArray]:
-        """Return g and its derivative in Omega, (m, K) each."""
-        linear, k = evaluator.linear(Omega), self.basis.k
-        out = np.zeros((2, evaluator.m, len(k)), dtype=complex)
-        highest = linear.constants.shape[1] - 1
-        periodic = np.flatnonzero((k[:, 1] == 0) & (k[:, 0] <= highest))
-        out[:, :, periodic] = linear.constants[:, k[periodic, 0]].transpose(0, 2, 1)
-        return out[0], out[1]
-
     @property
     def model(self) -> Model:
         """The model with all excitations."""
@@ -360,6 +351,15 @@ class TorusProblem(ContinuationProblem):
             "balance": self.balance.discretization.describe(None),
             "torus": {"harmonics": [self.basis.H1, self.basis.H2], "odd": self.basis.odd, "dense": self.basis.dense},
         }
+
+
+def _constants(basis: TorusBasis, evaluator: Evaluator, Omega: float) -> tuple[ComplexArray, ComplexArray]:
+    """Return g and its derivative in Omega, (m, K) each."""
+    linear, k = evaluator.linear(Omega), basis.k
+    out = np.zeros((2, evaluator.m, len(k)), dtype=complex)
+    periodic = np.flatnonzero((k[:, 1] == 0) & (k[:, 0] < linear.constants.shape[1]))
+    out[:, :, periodic] = linear.constants[:, k[periodic, 0]].transpose(0, 2, 1)
+    return out[0], out[1]
 
 
 def _after_derivative(product: Array, w: Array) -> Array:
