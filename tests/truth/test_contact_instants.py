@@ -352,8 +352,7 @@ def test_smooth_law_is_refused() -> None:
 def test_jacobian_is_the_derivative_of_the_residual(model: Any) -> None:
     """Central differences of the residual; the equation of the short contact is divided by its duration."""
     from hbgear.harmonic.instants.corrector import CurveState
-    from hbgear.harmonic.instants.kernels import short_visits
-    from hbgear.harmonic.instants.shooting import linearise
+    from hbgear.harmonic.instants.shooting import linearise, short_visits
 
     branch = hb.trace(hb.ContactInstants(model, 8), "Omega", (0.9, 0.84))
     family = branch.problem.family("Omega", dict(branch.fixed))
@@ -535,7 +534,7 @@ def test_a_gap_beyond_a_breakpoint_between_samples_of_one_direction() -> None:
 
     x, h = np.linspace(0.0, 1.0, 6), -np.polynomial.Polynomial.fromroots([0.0, 0.05, 0.12])
     samples = x, h(x)[:, None], h.deriv()(x)[:, None], np.array([6]), np.array([[[-np.inf, 0.0]]])
-    ((_, _, side, begin, end),) = unexpected_crossings(*samples, 1e-9)
+    ((_, _, side, begin, end),) = unexpected_crossings(*samples, (1e-9, 0.0))
     assert side == 1 and h(0.5 * (begin + end)) > 0
 
 

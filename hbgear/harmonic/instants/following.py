@@ -315,7 +315,7 @@ class Follower:
         self._add(exact, 0.0, self._special_points(last, exact))
         self.curve.marks.append(CurveMark("GR", len(self.curve.points) - 1, tuple(grazing.contacts)))
         self._accept(first, 0.0)
-        self.step = grazing.first_duration * self.family(first.state.value).period
+        self.step = float(growing @ state.z) % self.family(state.value).period  # the duration of the first contact
 
     def _pass_closing(self, point: ExactPoint, visits: list[Visit]) -> None:
         """Accept the grazing point at which contacts vanish, and continue without them."""
@@ -346,7 +346,8 @@ class Follower:
             for visit, a, b in zip(pattern.visits, before, after, strict=True)
             if a < SIMULTANEOUS_DURATION * period and b < a
         ]
-        limit = GRAZING_DURATION * period if len(short) == 1 else math.inf
+        tied = len(point.linearised.ties) == len(short) - 1
+        limit = GRAZING_DURATION * period if tied else math.inf
         return [visit for visit, a in short if a < limit]
 
     def _search_asymptote(self, point: ExactPoint) -> None:

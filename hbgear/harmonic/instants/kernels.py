@@ -1,8 +1,8 @@
-"""Kernels of exact motions: flows of segments with constant matrices, and the equations of a periodic motion.
+"""Kernels of exact motions: flows of segments with constant matrices, and gaps along them.
 
     Z = e^(A h) - 1 = X (1 + X / 2 (1 + X / 3 (...))),   Z(2 X) = 2 Z(X) + Z(X)^2,   X = A h / 2^n
 
-Z has the relative accuracy of A h, so that it holds for short segments. The equations are described in `shooting`.
+Z has the relative accuracy of A h, so that it holds for short segments.
 
 References
 ----------
@@ -31,11 +31,7 @@ size of two successive terms, over the first one, at which it ends. States of di
 SLOPE_ORDER = 18
 """Order of the series of the derivative of Z / h, for |A h| up to 1: 1 / 20! = 4e-19."""
 
-SHORT_SEGMENT_RATIO = 0.25
-"""Duration of a visit beyond a breakpoint, over the times to the switches of the same gap before and after it, below
-which its second equation is divided by it."""
-
-ROUNDING_OF_GAPS = 1e-15
+ROUNDING_OF_GAPS = 1e-14
 """Rounding of a gap, relative to its largest value in a period; contacts that have just begun are not much deeper."""
 
 
@@ -256,147 +252,12 @@ def _apply(A: Any, x: Any, out: Any) -> None:
 
 
 @kernel
-def short_visits(visits: Any, tau: Any, period: float) -> Any:
-    """Return the first switch (K,) of the short visit that ends with each switch; -1 for the others.
-
-    Parameters
-    ----------
-    visits : ndarray, shape (V, 3, 2)
-        First and last switch of each visit, and of the intervals of its gap before and after it.
-    tau, period : ndarray, shape (K,), and float
-        Phases of the switches, and of a period.
-    """
-    first = np.full(tau.shape[0], -1)
-    for v in range(visits.shape[0]):
-        visit, before, after = visits[v, 0], visits[v, 1], visits[v, 2]
-        nearest = min(_duration(before, tau, period), _duration(after, tau, period))
-        if _duration(visit, tau, period) < SHORT_SEGMENT_RATIO * nearest:
-            first[visit[1]] = visit[0]
-    return first
-
-
-@kernel
-def _duration(visit: Any, tau: Any, period: float) -> float:
-    """Return the duration of a visit from switch i to switch j."""
-    i, j = visit[0], visit[1]
-    return tau[j] - tau[i] + (period if j < i else 0.0)
-
-
-@kernel
-def periodicity(segments: Any, pattern: Any, y: Any, tau: Any, period: float, r: int, derivatives: bool) -> Any:
-    """Return the residual R of the equations of a periodic motion, and its derivatives J.
-
-    Parameters
-    ----------
-    segments : tuple of ndarray
-        Z, change, begin, end and slope, see `constant_segments`.
-    pattern : tuple of ndarray
-        Column (K,), number of the instant of each switch among the free ones, -1 for a prescribed phase; rows (K, N) of
-        the gap of each switch; levels (K,), its breakpoint; visits, see `short_visits`.
-    y, tau, period : ndarray, shape (K, N), (K,), and float
-        States and phases of the switches, and the period.
-    r : int
-        Number of states of the structure, the first entries of y.
-    derivatives : bool
-        Whether J is computed; it is empty if not.
-    """
-    column, rows, levels, visits = pattern
-    change, K = segments[1], y.shape[0]
-    size, first = K * r + column.max() + 1, short_visits(visits, tau, period)
-    R = np.zeros(size)
-    for k in range(K):
-        after = (k + 1) % K
-        for a in range(r):
-            R[k * r + a] = y[after, a] - y[k, a] - change[k, a]
-        if column[k] < 0:
-            continue
-        n = K * r + column[k]
-        if first[k] < 0:
-            R[n] = _dot(rows[k], y[k]) - levels[k]
-            continue
-        i = first[k]
-        while i != k:
-            R[n] += _dot(rows[k], change[i])
-            i = (i + 1) % K
-        R[n] /= _duration(np.array((first[k], k)), tau, period)
-    J = np.zeros((size, size) if derivatives else (0, 0))
-    if derivatives:
-        _periodicity_slopes(segments, column, r, J)
-        for k in range(K):
-            if column[k] < 0:
-                continue
-            if first[k] < 0:
-                J[K * r + column[k], k * r : (k + 1) * r] = rows[k, :r]
-                J[K * r + column[k], K * r + column[k]] = _dot(rows[k, r:], segments[2][k, r:])
-            else:
-                visit = np.array((first[k], k))
-                _divided_slopes(segments, column, rows[k], visit, _duration(visit, tau, period), R, r, J)
-    return R, J
-
-
-@kernel
-def _dot(a: Any, b: Any) -> float:
+def dot(a: Any, b: Any) -> float:
     """Return the scalar product."""
     total = 0.0
     for i in range(a.shape[0]):
         total += a[i] * b[i]
     return total
-
-
-@kernel
-def _begin_rate(Z: Any, begin: Any, a: int, r: int) -> float:
-    """Return entry a of the derivative of the final state of a segment in its begin, with the sign of its advance."""
-    return begin[a] + _dot(Z[a, :r], begin[:r])
-
-
-@kernel
-def _periodicity_slopes(segments: Any, column: Any, r: int, J: Any) -> None:
-    """Add the derivatives of the equations of continuity x_{i+1} - Psi_i y_i = 0."""
-    Z, _, begin, end, _ = segments
-    K = Z.shape[0]
-    for k in range(K):
-        after = (k + 1) % K
-        for a in range(r):
-            e = k * r + a
-            J[e, after * r + a] += 1.0
-            J[e, e] -= 1.0
-            for b in range(r):
-                J[e, k * r + b] -= Z[k, a, b]
-            if column[k] >= 0:
-                J[e, K * r + column[k]] += _begin_rate(Z[k], begin[k], a, r)
-            if column[after] >= 0:
-                J[e, K * r + column[after]] -= end[k, a]
-
-
-@kernel
-def _divided_slopes(segments: Any, column: Any, row: Any, visit: Any, delta: float, R: Any, r: int, J: Any) -> None:
-    """Add the derivatives of the divided equation of a short visit."""
-    Z, _, begin, end, slope = segments
-    K, i, j = Z.shape[0], visit[0], visit[1]
-    n, first, last = K * r + column[j], K * r + column[i], K * r + column[j]
-    k = i
-    while k != j:
-        for b in range(r):
-            for a in range(row.shape[0]):
-                J[n, k * r + b] += row[a] * Z[k, a, b] / delta
-        k = (k + 1) % K
-    if (i + 1) % K == j:  # without cancellation
-        change = _dot(row, slope[i])
-        J[n, last] += change
-        J[n, first] -= change
-        for a in range(row.shape[0]):
-            J[n, first] += row[a] * _dot(Z[i, a, r:], begin[i, r:]) / delta
-        return
-    k = i
-    while k != j:
-        after = (k + 1) % K
-        for a in range(row.shape[0]):
-            rate = begin[k, a] if a >= r else _begin_rate(Z[k], begin[k], a, r)
-            J[n, K * r + column[k]] -= row[a] * rate / delta
-            J[n, K * r + column[after]] += row[a] * end[k, a] / delta
-        k = after
-    J[n, first] += R[n] / delta
-    J[n, last] -= R[n] / delta
 
 
 @kernel
@@ -431,7 +292,7 @@ def gaps_along(A: Any, y: Any, rows: Any, h: Any, counts: Any, offsets: Any) -> 
         for _ in range(counts[k]):
             for g in range(G):
                 for j in range(m):
-                    gaps[p, g, j], slopes[p, g, j] = _dot(along[g, j], state), _dot(along[g, m + j], state)
+                    gaps[p, g, j], slopes[p, g, j] = dot(along[g, j], state), dot(along[g, m + j], state)
             _apply(Z, state, change)
             state += change
             p += 1
@@ -491,7 +352,7 @@ def fourier_sums(theta: Any, weights: Any, gaps: Any, H: int) -> Any:
 
 
 @kernel
-def unexpected_crossings(tau: Any, gaps: Any, slopes: Any, counts: Any, bounds: Any, rounding: float) -> Any:
+def unexpected_crossings(tau: Any, gaps: Any, slopes: Any, counts: Any, bounds: Any, rounding: Any) -> Any:
     """Return the intervals in which gaps lie beyond their breakpoints between two switches.
 
     Between two samples an extremum is estimated by cubic interpolation, and its value by interpolation of degree 7.
@@ -504,8 +365,10 @@ def unexpected_crossings(tau: Any, gaps: Any, slopes: Any, counts: Any, bounds: 
         Number of samples of each segment.
     bounds : ndarray, shape (K, m, 2)
         Breakpoints below and above each gap; -inf or inf without one.
-    rounding : float
-        Distance beyond a breakpoint, relative to the size of the motion of a gap, that is attributed to rounding.
+    rounding : tuple of float
+        Distance beyond a breakpoint, relative to the size of the motion of a gap in the segment, that is attributed to
+        rounding; duration up to which the switches at the ends of a segment are simultaneous. Their order is rounding,
+        and there the distance is relative to the size of the gap in the period.
 
     Returns
     -------
@@ -518,8 +381,9 @@ def unexpected_crossings(tau: Any, gaps: Any, slopes: Any, counts: Any, bounds: 
     for k in range(K):
         last = first + counts[k]
         for j in range(m):
-            extent = np.max(gaps[first:last, j]) - np.min(gaps[first:last, j])
-            rounding_of_gap = ROUNDING_OF_GAPS * np.max(np.abs(gaps[:, j]))
+            extent, largest = np.max(gaps[first:last, j]) - np.min(gaps[first:last, j]), np.max(np.abs(gaps[:, j]))
+            if abs(tau[last - 1] - tau[first]) < rounding[1]:
+                extent = largest
             for side in (1, -1):
                 bound = bounds[k, j, (1 + side) // 2]
                 if not math.isfinite(bound):
@@ -527,7 +391,7 @@ def unexpected_crossings(tau: Any, gaps: Any, slopes: Any, counts: Any, bounds: 
                 for p in range(first, last):
                     excess[p], slope[p] = side * (gaps[p, j] - bound), side * slopes[p, j]
                 first_interval = C
-                allowed = max(rounding_of_gap, rounding * max(extent, abs(bound)))
+                allowed = max(ROUNDING_OF_GAPS * largest, rounding[0] * max(extent, abs(bound)))
                 C = _add_intervals(tau[first:last], excess[first:last], slope[first:last], allowed, intervals, C)
                 for c in range(first_interval, C):
                     intervals[c, 0], intervals[c, 1], intervals[c, 2] = k, j, side

@@ -292,7 +292,7 @@ def with_missed_crossings(ode: EquationsAt, iterate: Iterate, missed: list[Misse
             events.append((t, switch, state_at(ode, iterate, t)))
     if artificial:
         events = events[1:]
-    start = float(iterate.tau[0])
+    start = float(iterate.tau[0]) - SIMULTANEOUS_SWITCHES * period  # simultaneous switches have any order
     events.sort(key=lambda event: (event[0] - start) % period)
     if len(events) > MAX_SWITCHES_PER_PERIOD * ode.equations.nu:
         raise _failure(f"more than {MAX_SWITCHES_PER_PERIOD} contact instants in a period (chatter)", ode.Omega)

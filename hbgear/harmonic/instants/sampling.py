@@ -21,7 +21,7 @@ from hbgear.harmonic.instants import kernels
 from hbgear.harmonic.instants.equations import EquationsAt
 from hbgear.harmonic.instants.pattern import Switch
 from hbgear.harmonic.instants.propagation import rates, taylor_steps, varying_states
-from hbgear.harmonic.instants.shooting import Iterate
+from hbgear.harmonic.instants.shooting import SIMULTANEOUS_SWITCHES, Iterate
 from hbgear.mechanics.series.fourier import to_real
 
 MAX_STEP_OF_FLOW = 0.5
@@ -79,7 +79,8 @@ def sample_gaps(ode: EquationsAt, iterate: Iterate) -> tuple[Samples, list[Misse
     step = np.concatenate([np.arange(count + 1) for count in steps])
     tau = np.repeat(iterate.tau, steps + 1) + np.repeat(durations / steps, steps + 1) * step
     bounds, missed = ode.equations.bounds(contacts), []
-    crossings = kernels.unexpected_crossings(tau, gaps, slopes, steps + 1, bounds, CROSSING_ROUNDING)
+    rounding = CROSSING_ROUNDING, SIMULTANEOUS_SWITCHES * ode.period
+    crossings = kernels.unexpected_crossings(tau, gaps, slopes, steps + 1, bounds, rounding)
     for k, j, side, begin, end in crossings.tolist():
         level = contacts[int(k)].levels[int(j)]
         missed.append(MissedCrossing(begin, end, Switch(int(j), level if side > 0 else level - 1, int(side))))

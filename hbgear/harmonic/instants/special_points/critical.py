@@ -34,8 +34,12 @@ BRANCH_POINT_DISTANCE, MIN_DISTANCE = 2e-3, 1e-4
 """Distance of points from a branch point that is interpolated between them, over the step, and its smallest value in
 scaled unknowns. The error of the cubic is 9 (2e-3)^4 = 1e-10; points at less than 1e-5 do not converge."""
 
-WIDENINGS = (1.0, 4.0, 16.0)
-"""Factors of this distance that are tried one after the other; with the last one, the error of the cubic is 1e-5."""
+LARGEST_PART_OF_STEP = 0.1
+"""Largest distance of these points over the step: steps next to a grazing are shorter than `MIN_DISTANCE`."""
+
+DISTANCE_FACTORS, UNIT_MULTIPLIER = (1 / 16, 1 / 4, 1.0, 4.0, 16.0), 1e-6
+"""Factors of this distance that are tried one after the other, until a multiplier differs from 1 by at most this value;
+with the last one, the error of the cubic is 1e-5."""
 
 LEADING_MULTIPLIERS = 4
 """Number of multipliers, largest modulus first, whose change limits a step."""
@@ -139,7 +143,8 @@ def special_points(family: Family, a: ExactPoint, b: ExactPoint) -> list[Special
         if not math.isfinite(s):
             continue
         point = point_between(family, a, b, s)
-        if (kind != "NS" or is_complex_pair(point.multipliers)) and not _coincide(point, crossing):
+        is_crossing = kind == "LP" and crossing is not None and _coincide(point, crossing[2], _distance(a, b))
+        if (kind != "NS" or is_complex_pair(point.multipliers)) and not is_crossing:
             located.append((kind, s, point))
     return sorted(located, key=lambda special: special[1])
 
@@ -176,11 +181,14 @@ def relocated(family: Family, point: ExactPoint, kind: str, reach: float = 1e-3)
     raise NoConvergence(f"{kind} is not near its place on the curve", point.state.z, {}, [])
 
 
-def _coincide(point: ExactPoint, crossing: SpecialExactPoint | None) -> bool:
-    """Return whether a point is a branch point, at which the parameter of a branch turns, too."""
-    if crossing is None:
-        return False
-    return float(np.linalg.norm((point.state.z - crossing[2].state.z) / point.scale)) < MIN_DISTANCE
+def _coincide(fold: ExactPoint, branch_point: ExactPoint, length: float) -> bool:
+    """Return whether a fold in a step is the branch point, at which the parameter of a branch turns, too."""
+    return _distance(branch_point, fold) < min(MIN_DISTANCE, LARGEST_PART_OF_STEP * length)
+
+
+def _distance(a: ExactPoint, b: ExactPoint) -> float:
+    """Return the distance of two points in scaled unknowns."""
+    return float(np.linalg.norm((b.state.z - a.state.z) / a.scale))
 
 
 def _root(family: Family, a: ExactPoint, b: ExactPoint, kind: str, bracket: tuple[float, float]) -> float:
@@ -233,19 +241,25 @@ def _locate_branch_point(family: Family, a: ExactPoint, b: ExactPoint) -> tuple[
 
 def _distance_of_points(a: ExactPoint, b: ExactPoint) -> float:
     """Return the distance of points from a branch point that is interpolated between them, over the step."""
-    return max(BRANCH_POINT_DISTANCE, MIN_DISTANCE / float(np.linalg.norm((b.state.z - a.state.z) / a.scale)))
+    return max(BRANCH_POINT_DISTANCE, min(MIN_DISTANCE / _distance(a, b), LARGEST_PART_OF_STEP))
 
 
 def branch_point_near(family: Family, a: ExactPoint, b: ExactPoint, fraction: float) -> tuple[float, ExactPoint]:
     """Return a branch point from points around it, because the equations of a point are singular there.
 
-    Where the parameter changes little along the branch, the corrector converges at larger distances only.
+    Where the parameter changes little along the branch, the corrector converges at larger distances only; next to a
+    grazing the cubic is accurate at smaller ones only. Without a multiplier of 1, the nearest result is returned.
     """
-    distance = _distance_of_points(a, b)
-    for factor in WIDENINGS[:-1]:
+    distance, found = _distance_of_points(a, b), []
+    for factor in DISTANCE_FACTORS:
         with suppress(NoConvergence):
-            return _interpolated_branch_point(family, a, b, fraction, factor * distance)
-    return _interpolated_branch_point(family, a, b, fraction, WIDENINGS[-1] * distance)
+            s, point = _interpolated_branch_point(family, a, b, fraction, factor * distance)
+            found.append((float(np.abs(point.multipliers - 1).min()), s, point))
+            if found[-1][0] <= UNIT_MULTIPLIER:
+                break
+    if not found:
+        raise NoConvergence("the branch point does not converge", a.state.z, {}, [])
+    return min(found, key=lambda result: result[0])[1:]
 
 
 def _interpolated_branch_point(
@@ -301,6 +315,9 @@ INTERIOR_FRACTIONS = (0.15, 0.5, 0.85)
 """Fractions of such a step at which test functions are evaluated; next to the ends because a multiplier that passes
 -1 or +1 there can return along another curve, with a corner where two multipliers meet."""
 
+MAX_HALVINGS = 12
+"""Number of halvings of a step in which the number of multipliers beyond -1 or +1 changes by two."""
+
 MAX_PARABOLAS, PROMISING_MINIMUM = 4, 0.3
 """Largest number of parabolas in the search of a zero of a test function, and their minimum, over the smallest known
 value, up to which the search goes on."""
@@ -311,9 +328,9 @@ def hides_two_points(
 ) -> bool:
     """Return whether multipliers pass -1, +1 or the unit circle and return between two points of one pattern.
 
-    A step is searched if it is long, a multiplier is near -1 or +1 and det(P -+ 1) may bend to zero, or if a test
-    function that is extrapolated from the step before changes its sign in it. The point ``before`` the last one is at
-    the distance ``step``, the next point at ``length``.
+    A step is searched if it is long, a multiplier is near -1 or +1 and det(P -+ 1) may bend to zero, if the number of
+    multipliers beyond -1 or +1 differs at its ends, or if a test function that is extrapolated from the step before
+    changes its sign in it. The point ``before`` the last one is at the distance ``step``, the next point at ``length``.
     """
     if last.state.pattern != point.state.pattern:
         return False
@@ -327,7 +344,9 @@ def hides_two_points(
                 promising.add(kind)
     interior = {s: point_between(family, last, point, s) for s in INTERIOR_FRACTIONS} if promising else {}
     samples = {0.0: last, **interior, 1.0: point}
-    return any(_passes_zero(family, samples, kind) for kind in promising)
+    if any(_passes_zero(family, samples, kind) for kind in promising):
+        return True
+    return any(_pass_one_by_one(family, last, point, _UNIT[kind]) for kind in kinds & set(_UNIT))
 
 
 _SEARCHED_KINDS, _UNIT = ("PD", "BP", "NS"), {"PD": -1.0, "BP": 1.0}
@@ -337,6 +356,27 @@ _SEARCHED_KINDS, _UNIT = ("PD", "BP", "NS"), {"PD": -1.0, "BP": 1.0}
 def _comes_near(unit: float, *points: ExactPoint) -> bool:
     """Return whether a multiplier of a point is near -1 or +1."""
     return any(bool(np.abs(point.multipliers - unit).min() < NEAR_UNIT) for point in points)
+
+
+def _count_beyond(unit: float, point: ExactPoint) -> int:
+    """Return the number of real multipliers of a point below -1 or above +1."""
+    mu = point.multipliers
+    return int(((mu.imag == 0) & (mu.real * unit > 1)).sum())
+
+
+def _pass_one_by_one(family: Family, a: ExactPoint, b: ExactPoint, unit: float) -> bool:
+    """Return whether two multipliers, as of disturbances of different symmetry, pass a unit one after the other.
+
+    Their number beyond it changes by two also where a complex pair becomes real there; no point has one of them.
+    """
+    begin, end, low, high = _count_beyond(unit, a), _count_beyond(unit, b), 0.0, 1.0
+    for _ in range(MAX_HALVINGS if abs(end - begin) == 2 else 0):
+        s = 0.5 * (low + high)
+        count = _count_beyond(unit, point_between(family, a, b, s))
+        if (count - begin) % 2:
+            return True
+        low, high = (s, high) if count == begin else (low, s)
+    return False
 
 
 def _may_bend(unit: float, points: tuple[ExactPoint, ExactPoint, ExactPoint], step: float, length: float) -> bool:

@@ -71,11 +71,6 @@ class GrazingPoint(NamedTuple):
     contacts: list[Grazing]
     gradient: Array
 
-    @property
-    def first_duration(self) -> float:
-        """Duration of the first contacts on a curve that leaves the point, over the period."""
-        return GRAZING_DURATION if len(self.contacts) == 1 else SIMULTANEOUS_DURATION
-
 
 def _segment_at(state: CurveState, period: float, t: float) -> tuple[int, float]:
     """Return the segment that contains a phase, and the phase in the period that starts with the first switch."""
@@ -221,8 +216,20 @@ def highest_point(family: Family, state: CurveState, grazing: Grazing) -> tuple[
 
 def with_contacts(family: Family, point: GrazingPoint, scale: Array) -> tuple[CurveState, Array]:
     """Return the first state with the contacts of a grazing point, and the direction (scaled) in which they grow."""
+    if len(point.contacts) == 1:
+        return _with_short_contacts(family, point, scale, GRAZING_DURATION)[:2]
+    state, row, ties = _with_short_contacts(family, point, scale, SIMULTANEOUS_DURATION)
+    if len(ties) < len(point.contacts) - 1:
+        return state, row
+    return _with_short_contacts(family, point, scale, GRAZING_DURATION)[:2]
+
+
+def _with_short_contacts(
+    family: Family, point: GrazingPoint, scale: Array, duration: float
+) -> tuple[CurveState, Array, Array]:
+    """Return the state with contacts of a duration over the period, its direction and its tied visits."""
     ode = family(point.state.value)
-    delta = point.first_duration * ode.period
+    delta = duration * ode.period
     missed = [MissedCrossing(t - 0.5 * delta, t + 0.5 * delta, switch) for t, switch in point.contacts]
     guess = CurveState.of(with_missed_crossings(ode, point.state.iterate, missed), point.state.value)
     switch = point.contacts[0].switch
@@ -231,8 +238,8 @@ def with_contacts(family: Family, point: GrazingPoint, scale: Array) -> tuple[Cu
     row = np.zeros(len(guess.z))
     row[guess.phase_column(first)], row[guess.phase_column(last)] = -1.0, 1.0
     size = guess.scale(scale[-1])
-    state = correct(family, guess, row, size)[0]
-    return state, row
+    state, linearised, *_ = correct(family, guess, row, size)
+    return state, row, linearised.ties
 
 
 def without_contacts(family: Family, state: CurveState, visits: Sequence[Visit]) -> tuple[CurveState, list[Grazing]]:

@@ -1,0 +1,139 @@
+"""Symmetric machines: contacts of different elements begin and end at the same instants.
+
+Two equal masses, coupled by a spring and loaded equally, move as one mass, which has the same folds and grazing points.
+Antisymmetric disturbances have the stiffness 1 + 2 kc, and branch points where one of their multipliers is 1.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy
+
+import hbgear as hb
+
+FOLLOWED = pytest.mark.slow
+"""Curves of two masses take about a second each."""
+
+
+def one_mass(k: float, gap: float, c: float, F: float) -> hb.System:
+    """Return a mass of frequency 1 with a stop."""
+    return hb.System(
+        [[1.0]], [[c]], [[1.0]], [hb.Element([1.0], hb.Unilateral(k=k, gap=gap))], hb.Load(cosine={1: [F]})
+    )
+
+
+def two_masses(k: float, gap: float, c: float, F: float, kc: float = 0.5, side: float = 1.0) -> hb.System:
+    """Return two such masses with a spring between them; the second is the mirror image if ``side`` is -1."""
+    K = np.array([[1 + kc, -side * kc], [-side * kc, 1 + kc]])
+    stops = [hb.Element(w, hb.Unilateral(k=k, gap=gap)) for w in ([1.0, 0.0], [0.0, side])]
+    return hb.System(np.eye(2), c * np.eye(2), K, stops, hb.Load(cosine={1: [F, side * F]}))
+
+
+def special(branch: hb.Branch, *kinds: str) -> list[float]:
+    """Return the frequencies of all special points of some kinds, in their order along the curve."""
+    return [point.parameters["Omega"] for point in branch.special if point.kind in kinds]
+
+
+@FOLLOWED
+@pytest.mark.parametrize("side", [1.0, -1.0], ids=["in phase", "mirrored"])
+@pytest.mark.parametrize(
+    "machine",
+    [(1e5, 0.5, 0.1, 0.3), (50.0, 0.0, 0.04, 0.3), (1e3, 0.0, 0.04, 0.3)],
+    ids=["folds-next-to-grazings", "soft-stop-without-gap", "hard-stop-without-gap"],
+)
+def test_a_symmetric_machine_has_the_points_of_its_half(machine: tuple[float, ...], side: float) -> None:
+    """Folds 2e-11 to 5e-8 from grazing points were missed, and curves of stops without gap ended early."""
+    one = hb.trace(hb.ContactInstants(one_mass(*machine), 8), "Omega", (0.5, 2.2))
+    two = hb.trace(hb.ContactInstants(two_masses(*machine, side=side), 8), "Omega", (0.5, 2.2))
+    assert two.status is hb.Status.REACHED_END
+    for kind in ("LP", "GR"):
+        assert len(special(one, kind)) >= 2
+        np.testing.assert_allclose(special(two, kind), special(one, kind), rtol=0, atol=1e-10)
+    doublings = np.array(special(two, "PD"))
+    for value in special(one, "PD"):
+        assert np.abs(doublings - value).min() < 1e-9
+
+
+@FOLLOWED
+@pytest.mark.parametrize(
+    ("machine", "span", "count"),
+    [((1e5, 0.5, 0.1, 0.3, 0.5), (0.5, 2.2), 6), ((1577.1, 0.0, 0.0534328, 0.164589, 0.28566), (2.2, 0.6), 5)],
+    ids=["gap", "no gap"],
+)
+def test_branch_points_next_to_grazings(machine: tuple[float, ...], span: Any, count: int) -> None:
+    """Closed forms of one mass and its antisymmetric disturbance, solved for their multiplier 1; contacts of 3e-5 rad.
+
+    One branch point was reported where no multiplier is 1, another one 2e-9 away from its place.
+    """
+    curve = hb.trace(hb.ContactInstants(two_masses(*machine), 8), "Omega", span)
+    points = [point for point in curve.special if point.kind == "BP"]
+    assert len(points) == count
+    for point in points:
+        assert abs(point.parameters["Omega"] - branch_point(curve, point, *machine)) < 5e-11, point
+        assert np.abs(point.multipliers - 1).min() < 1e-3
+
+
+def branch_point(curve: Any, point: hb.SpecialPoint, k: float, gap: float, c: float, F: float, kc: float) -> float:
+    """Return Omega at the branch point near a point: instants and velocities of one mass by Newton's method."""
+    state = curve.problem.known_states.states[point.index]
+    mine = [i for i, switch in enumerate(state.pattern.switches) if switch.element == 0]
+    closed, K = [state.pattern.switches[i].sign > 0 for i in mine], len(mine)
+
+    def equations(u: Any) -> Any:
+        tau, v, Omega = u[:K], u[K : 2 * K], u[-1]
+        ends, P, R = np.append(tau[1:], tau[0] + math.tau), np.eye(2), []
+        for i, touches in enumerate(closed):
+            A = np.zeros((5, 5))  # of q, dq/dt, 1, cos tau, sin tau
+            A[0, 1], A[3, 4], A[4, 3] = 1, -Omega, Omega
+            A[1] = [-1 - touches * k, -c, touches * k * gap, F, 0]
+            a = np.array([[0, 1], [-1 - touches * k - 2 * kc, -c]])
+            t = (ends[i] - tau[i]) / Omega
+            q, dq, *_ = scipy.linalg.expm(A * t) @ [gap, v[i], 1, math.cos(tau[i]), math.sin(tau[i])]
+            P = scipy.linalg.expm(a * t) @ P
+            R += [q - gap, dq - v[(i + 1) % K]]
+        return np.array([*R, np.linalg.det(P - np.eye(2))])
+
+    # the motion between its instants in harmonics has the velocities at them, up to the error of a first guess
+    u = np.concatenate([state.iterate.tau[mine], velocities(curve, state, mine), [state.value]])
+    for _ in range(30):
+        columns = [(equations(u + d) - equations(u - d)) / 2e-7 for d in 1e-7 * np.eye(len(u))]
+        step = np.linalg.solve(np.array(columns).T, -equations(u))
+        u = u + step
+        if np.abs(step).max() < 1e-11:
+            return float(u[-1])
+    raise AssertionError("the reference does not converge")
+
+
+def velocities(curve: Any, state: Any, switches: list[int]) -> list[float]:
+    """Return the velocities of the first mass at some switches."""
+    ode, h = curve.problem.family("Omega", dict(curve.fixed))(state.value), 1e-7
+    out = []
+    for i in switches:
+        contacts, tau = state.pattern.contacts[i], float(state.iterate.tau[i])
+        y = ode.extended(state.iterate.x[i], tau, contacts.section)
+        out.append(float(ode.gaps(contacts.section)[0] @ (scipy.linalg.expm(h * ode.flow(contacts).A) @ y - y)) / h)
+    return [state.value * v for v in out]
+
+
+def test_simultaneous_switches_in_any_order_take_another_contact() -> None:
+    """The first two switches of a period are in the wrong order by rounding; one of them went to the end of it."""
+    from hbgear.harmonic.instants.pattern import Switch
+    from hbgear.harmonic.instants.refine import with_missed_crossings
+    from hbgear.harmonic.instants.sampling import MissedCrossing, sample_gaps
+    from hbgear.harmonic.instants.shooting import Iterate
+
+    curve = hb.trace(hb.ContactInstants(two_masses(10.0, 0.0, 0.1, 0.3), 8), "Omega", (2.2, 2.1))
+    state = curve.problem.known_states.states[-1]
+    iterate, ode = state.iterate, curve.problem.family("Omega", {})(state.value)
+    assert len({switch.element for switch in iterate.pattern.switches[:2]}) == 2
+    tau = iterate.tau.copy()
+    tau[1] = tau[0] - 1e-15
+    wrong = Iterate(iterate.pattern, tau, iterate.x)
+    assert not sample_gaps(ode, wrong)[1]
+    t = float(tau[-1] + 0.5 * (tau[0] + math.tau - tau[-1]))
+    sign = iterate.pattern.switches[0].sign
+    added = with_missed_crossings(ode, wrong, [MissedCrossing(t - 1e-3, t + 1e-3, Switch(0, 0, sign))])
+    assert added.pattern.count == iterate.pattern.count + 2
+    assert np.diff(added.tau).min() > -1e-14 and added.tau[-1] - added.tau[0] < math.tau
