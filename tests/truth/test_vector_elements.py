@@ -482,6 +482,6 @@ def test_stability_of_an_isotropic_rotor_is_lost_at_its_first_rub(mu):
         assert np.abs(curve.multipliers[i]).max() == pytest.approx(np.exp(2 * np.pi * growth / Omega), rel=1e-5)
         assert curve.stability[i] == ("stable" if growth < 0 else "unstable")
     # a contact that begins at one phase explains nothing
-    touching = replace(curve["GR1"], note="highest of element")
+    touching = replace(curve["GR1"], at_all_phases=False)
     contradicting = replace(curve, special=(touching, *curve.special[1:]))
     assert any("without a special point" in line for line in contradicting.warnings)

@@ -23,6 +23,7 @@ from hbgear.continuation import FoldProblem
 from hbgear.continuation.solvers.newton import solve
 from hbgear.gears import DoubleHelicalPair
 from hbgear.harmonic import GrazingProblem, PeriodDoublingProblem
+from hbgear.mechanics import model
 from hbgear.mechanics.series.fourier import resize
 
 KINDS = ("LP", "PD", "NS", "BP", "GR", "CP")
@@ -266,6 +267,20 @@ def test_a_curve_of_grazing_contacts(strong):
 
 
 # ---- curves without special points
+
+
+def test_a_contact_of_any_name_is_followed():
+    """Names with commas were taken for two names. A linear motion touches the stop: 0.3 = |1 - w^2 + 0.1 i w| gap."""
+
+    @model
+    def stop(gap: float = 1.0) -> System:
+        law = Element([1.0], Unilateral(2.0, gap), name="stop, left")
+        return System([[1.0]], [[0.1]], [[1.0]], [law], Load(cosine={1: [0.3]}))
+
+    curve = trace(HarmonicBalance(stop(), 4), "Omega", (0.5, 0.9), stability=False)
+    contacts = follow(curve, "GR1", "gap", (1.0, 1.5))
+    w = contacts.tracked["Omega"][-1]
+    assert contacts.values[-1] == 1.5 and abs(1 - w**2 + 0.1j * w) * 1.5 == pytest.approx(0.3, abs=1e-9)
 
 
 @pytest.mark.parametrize("H", [15, 16, 21])

@@ -42,6 +42,10 @@ class Located(Protocol):
     def note(self) -> str:
         """A remark for the user."""
 
+    @property
+    def at_all_phases(self) -> bool:
+        """Whether a contact begins at all phases at once."""
+
 
 @dataclass(frozen=True)
 class SpecialPointMark:
@@ -137,6 +141,7 @@ def build_special_point(
         meaning=event.event.meaning,
         marker=event.event.marker,
         event=event.event,
+        at_all_phases=event.at_all_phases,
     )
 
 

@@ -78,6 +78,8 @@ class LocatedEvent:
         The point located with more unknowns.
     finder : Event or None
         The event that found the point, if it is not its own.
+    at_all_phases : bool
+        Whether a contact begins at all phases at once.
     """
 
     event: Event
@@ -88,6 +90,7 @@ class LocatedEvent:
     error: float = math.nan
     refined: RefinedLocation | None = None
     finder: Event | None = None
+    at_all_phases: bool = False
 
     @property
     def value(self) -> float:

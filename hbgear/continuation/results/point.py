@@ -289,6 +289,8 @@ class SpecialPoint(Point):
         Estimated truncation error of its solution, nan if unknown.
     certificate : dict or None
         Certificate of the point as plain data, see `hbgear.analysis.Certificate.attached_to`. None without one.
+    at_all_phases : bool
+        Whether a contact begins at all phases at once, as all around a circular whirl. The multipliers jump there.
 
     Examples
     --------
@@ -310,6 +312,7 @@ class SpecialPoint(Point):
     event: Any = None
     truncation: float = math.nan
     certificate: dict[str, Any] | None = None
+    at_all_phases: bool = False
 
     @property
     def stability_in_words(self) -> str:

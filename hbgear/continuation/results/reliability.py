@@ -107,7 +107,7 @@ def _contradictions(branch: BranchData) -> list[str]:
         return []
     kinds: dict[int, list[str]] = {}
     for point in branch.special:  # an end point EP lies on both branches, and has their multipliers
-        if point.kind in (*STABILITY_CHANGING_KINDS, "EP") or _begins_at_all_phases(point):
+        if point.kind in (*STABILITY_CHANGING_KINDS, "EP") or point.at_all_phases:
             kinds.setdefault(point.index, []).append(point.kind)
     at_limit = np.abs(branch.multipliers[0] - 1.0).min(initial=math.inf) < START_DISTANCE
     if at_limit or settings.get("bifurcating"):
@@ -123,13 +123,6 @@ def _contradictions(branch: BranchData) -> list[str]:
     folds = {point.index: point.label for point in branch.special if point.kind == "LP"}
     stable_folds = [folds[i] for i in stable_on_both_sides(codes, kinds)]
     return out + ([f"both sides of {', '.join(stable_folds)} are stable"] if stable_folds else [])
-
-
-def _begins_at_all_phases(point: SpecialPoint) -> bool:
-    """Return whether a contact begins at all phases: the lowest and highest distance from it are zero at once."""
-    names = point.note.split(", ")
-    lowest = [name for name in names if name.startswith("lowest of ")]
-    return point.kind == "GR" and any(name.replace("lowest", "highest", 1) in names for name in lowest)
 
 
 _SAME_VALUE = 1e-12

@@ -34,6 +34,9 @@ SIMULTANEOUS_THRESHOLD = 1e-7
 SAME_POINT_FRACTION = 1e-6
 """Fraction of a segment up to which several thresholds are reached at the same point."""
 
+TWO_ENDS = ("clearance", "edge")
+"""Kinds of thresholds whose distances are those of the lowest and of the highest extremum, one after the other."""
+
 CORNER_DISTANCE = 1e-9
 """Distance from a threshold, relative to the motion, up to which a fold lies at it, a corner of the curve; such folds
 are located to 1e-13 of a segment."""
@@ -184,25 +187,33 @@ class ThresholdEvent(BuiltInEvent):
         return np.concatenate(distances, axis=1) if distances else np.zeros((len(points), 0))
 
     def find(self, segment: Segment) -> list[LocatedEvent]:
-        """Locate the zeros of all distances on a segment; the note of an event names all that lie at the same point."""
+        """Locate the zeros of all distances on a segment; an event names all thresholds that are reached at its point.
+
+        A contact begins at all phases if the lowest and the highest distance from it are zero.
+        """
         located: list[LocatedEvent] = []
-        for event in self._zeros(segment):
+        reached: list[set[tuple[type[ThresholdProblem], int]]] = []
+        for event, kind, which in self._zeros(segment):
             for i, earlier in enumerate(located):
                 if abs(earlier.s - event.s) < SAME_POINT_FRACTION:
-                    located[i] = replace(earlier, note=f"{earlier.note}, {event.note}")
+                    both = kind.quantity in TWO_ENDS and (kind, which ^ 1) in reached[i]
+                    note, at_all_phases = f"{earlier.note}, {event.note}", earlier.at_all_phases or both
+                    located[i] = replace(earlier, note=note, at_all_phases=at_all_phases)
+                    reached[i].add((kind, which))
                     break
             else:
                 located.append(event)
+                reached.append({(kind, which)})
         return located
 
-    def _zeros(self, segment: Segment) -> Iterator[LocatedEvent]:
+    def _zeros(self, segment: Segment) -> Iterator[tuple[LocatedEvent, type[ThresholdProblem], int]]:
         for kind in self.problems:
             distances = monitored_values((segment.a, segment.b), kind.quantity)
             if distances is not None:
                 before, after = distances
                 for i in np.flatnonzero(before * after < 0).tolist():
                     equations = kind(segment.problem, segment.name, i)
-                    yield self._located(segment, equations, float(before[i] / (before[i] - after[i])))
+                    yield self._located(segment, equations, float(before[i] / (before[i] - after[i]))), kind, i
 
     def _located(self, segment: Segment, equations: ThresholdProblem, s: float) -> LocatedEvent:
         """Locate a threshold by Newton's method from a fraction s of a segment, or else as a bracketed root."""
@@ -233,9 +244,8 @@ class ThresholdEvent(BuiltInEvent):
         return None
 
     def equations(self, problem: Any, parameter: str, point: Any) -> MinimallyAugmentedProblem | None:
-        first = point.note.split(", ")[0]
         for kind in self.problems:
-            names = problem.threshold_names(kind.quantity)
-            if first in names:
-                return kind(problem, parameter, names.index(first))
+            for i, name in enumerate(problem.threshold_names(kind.quantity)):
+                if f"{point.note}, ".startswith(f"{name}, "):  # the first threshold that the note names
+                    return kind(problem, parameter, i)
         return None

@@ -248,6 +248,7 @@ _FORMS: dict[type, dict[str, Form]] = {
         "marker": _MARKER,
         "truncation": _NUMBER,
         "certificate": _optional(_certificate),
+        "at_all_phases": _FLAG,
     },
     Jump: {
         "label": _TEXT,

@@ -37,7 +37,7 @@ SCHEMA = 5
 1: special points without meaning and marker. 2: with them.
 3: with the other curves of the span, and statuses of later versions.
 4: with errors of special points, which may have more unknowns than their curve, and of multipliers.
-5: with certificates of special points.
+5: with certificates of special points, and contacts that begin at all phases.
 """
 
 
