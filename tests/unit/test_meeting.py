@@ -152,6 +152,20 @@ def test_invalid_follow_problems_are_refused():
     assert not passes((np.diff(x), sudden))
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("short", [0.0, 1e-20])
+def test_points_that_coincide_cause_no_division_by_zero(short):
+    """A curve has two points at one place where a special point of another resolution is a point of it."""
+    x = np.array([-1.3, -0.4, 0.7, 1.8])
+    mu = np.array([near_minus_one(-0.01, 0.1 * d) for d in x])
+    for coinciding in (0, 2):
+        length = np.diff(x)
+        length[coinciding] = short
+        assert not passes((length, mu))
+    several = np.array([pairs(0.01 + 1.4j, -0.02 + 2.6j)] * 4)
+    assert extrapolated_crossings(several, np.array([short, 1.0, short])) == []
+
+
 def test_modes_that_pass_minus_one_are_not_looked_at_closer(monkeypatch):
     """Modes of a chain pass -1 on every curve; the search, as expensive as twenty points, runs at most four times."""
     searches = []

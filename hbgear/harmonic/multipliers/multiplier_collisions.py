@@ -134,7 +134,9 @@ def extrapolated_crossings(mu: ComplexArray, length: Array) -> list[tuple[int, f
     crossings: dict[int, float] = {}
     for side in (0, 1):
         neighbours = candidates + 3 * side - 1
-        segments, neighbours = (n[(neighbours >= 0) & (neighbours < len(mu))] for n in (candidates, neighbours))
+        within = (neighbours >= 0) & (neighbours < len(mu))
+        within[within] = length[neighbours[within] - side] > 0.0  # points that coincide have no line
+        segments, neighbours = candidates[within], neighbours[within]
         end_values, neighbour_values = x[segments + side], x[neighbours]
         nearest = np.abs(end_values[:, :, None] - neighbour_values[:, None, :]).argmin(axis=2)
         grows = end_values.real - np.take_along_axis(neighbour_values.real, nearest, axis=1)
@@ -184,16 +186,18 @@ def passes_minus_one_cleanly(mu: ComplexArray, length: Array, segments: np.ndarr
     Each pair that is not far within the circle is followed over the segment and its two neighbours. Its sigma must be
     nearly constant and straight, and its theta a parabola that may change its sign. The cubic through sigma^2 + theta^2
     at these four points must come down to sigma^2, and not below. If all pairs are far within the circle, none reaches
-    -1. The result is False where pairs cannot be followed or are real, and on the first and the last segment.
+    -1. The result is False where pairs cannot be followed or are real, where points coincide up to rounding, and on the
+    first and the last segment.
     """
     clean = np.zeros(len(segments), dtype=bool)
     interior = np.flatnonzero((segments > 0) & (segments + 1 < len(length)))
     points = segments[interior, None] + np.arange(-1, 3)
     negative = ~_in_upper_half_plane(mu) & ~_in_upper_half_plane(mu.conj()) & (mu.real < -MIN_MODULUS)
+    x = np.append(0.0, np.cumsum(length))
     usable = np.isfinite(mu[points]).all(axis=(1, 2)) & ~negative[points].any(axis=(1, 2))
+    usable &= (np.diff(x[points], axis=1) > 0.0).all(axis=1)
     interior, points = interior[usable], points[usable]
     if interior.size:
-        x = np.append(0.0, np.cumsum(length))
         sigma, theta = _from_minus_one(mu[points])
         same_pair = _continued_pairs(
             sigma, theta, x[points], _weights(x, segments[interior], points, MINIMUM_FRACTIONS)
