@@ -117,7 +117,8 @@ class Steps:
             fill(self.plan, self.method, None, 0.5 * (1 + np.cos(angle)), work, out)
             to_series = np.cos(np.arange(D)[:, None] * angle) * 2 / max(D, 1)
             to_series[:1] /= 2
-            self._curves[many] = type(out)(*packed(np.tensordot(to_series, x, 1) if x.size else x for x in out))
+            rows = (np.tensordot(to_series, x, 1).reshape(D, math.prod(x.shape[1:])) for x in out)
+            self._curves[many] = type(out)(*packed(rows))
         return self._curves[many]
 
     def _terms(self) -> int:

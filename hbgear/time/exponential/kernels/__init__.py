@@ -13,5 +13,6 @@ has the segments d < level(tau) and d > level(tau); its level is a cubic on a st
 Laws that no table holds are evaluated in Python: `integrate_segments` then returns whenever it needs their forces.
 
 Functions that are called for every step create no views of arrays and take no tuples of them: reference counting would
-cost more than the step.
+cost more than the step. The arguments of the largest are gathered once for each motion and passed with a star, which
+counts no references.
 """

@@ -8,14 +8,15 @@ from hbgear.common.arrays import Array
 from hbgear.common.process.compiling import kernel
 from hbgear.time.exponential.kernels.data import Breakpoints
 from hbgear.time.exponential.kernels.tables import segment_of
-from hbgear.time.exponential.segments import Integers
 
 
 @kernel
 def set_levels(
-    breakpoints: Breakpoints, r: int, x: float, length: float, N: int, springs: int, m: int, levels: Array
+    breakpoints: Breakpoints | None, r: int, x: float, length: float, N: int, springs: int, m: int, levels: Array
 ) -> None:
     """Set the levels of all contacts on (x, x + length), in cells of the period; no breakpoint lies inside."""
+    if breakpoints is None:
+        return
     starts, rows, unit = breakpoints.starts, breakpoints.rows, 2 * np.pi / N
     width = unit * length
     for j in range(m, len(levels)):
@@ -42,18 +43,22 @@ def level_slope_at(levels: Array, j: int, z: float) -> float:
 
 
 @kernel
-def next_breakpoint(first: Integers, position: Array, r: int, cell: int, x: float) -> float:
+def next_breakpoint(breakpoints: Breakpoints | None, r: int, cell: int, x: float) -> float:
     """Return the end of the step from x in a cell: the next breakpoint of the excitation, or the end of the cell."""
-    for i in range(first[r, cell], first[r, cell + 1]):
-        end = position[r, i]
+    if breakpoints is None:
+        return 1.0
+    for i in range(breakpoints.first[r, cell], breakpoints.first[r, cell + 1]):
+        end = breakpoints.position[r, i]
         if end > x + 1e-12:
             return end
     return 1.0
 
 
 @kernel
-def apply_rate_jump(breakpoints: Breakpoints, r: int, cell: int, span: Array, v: Array) -> None:
+def apply_rate_jump(breakpoints: Breakpoints | None, r: int, cell: int, span: Array, v: Array) -> None:
     """Apply the jump of v if the step ends at a breakpoint of the excitation; each breakpoint is applied once."""
+    if breakpoints is None:
+        return
     end = span[0] + span[1]
     if 1.0 - end <= 1e-12:
         end = 1.0

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -33,7 +33,7 @@ class Plan(NamedTuple):
     poles (R, q), output (R, 2 m, q) of d and v, input (R, q, m), kr (R, m): structure, one mode of each pair.
     steady (R, L + 1, 2 m), stiffness (R, S, K + 1): harmonics of d and v of the linear part alone, and of the springs.
     slope, offset (R, S, P), low, high (R, m + J, P), cubic (R, m, 2): see `LawTable`.
-    h (R,): duration of a cell.
+    h (R,): duration of a cell; a number in a row of the plan.
     """
 
     poles: ComplexArray
@@ -47,7 +47,7 @@ class Plan(NamedTuple):
     low: Array
     high: Array
     cubic: Array
-    h: Array
+    h: Any
 
 
 class Breakpoints(NamedTuple):
@@ -92,7 +92,8 @@ class Method(NamedTuple):
 class Work(NamedTuple):
     """State of G motions that are integrated together, and scratch arrays.
 
-    progress (G, 6): cell, target, length corrections, segments passed, Newton iterations, whether the cell is divided.
+    progress (G, 7): cell, target, length corrections, segments passed, Newton iterations, whether the cell is divided,
+    and the row of drive and k of the step.
     prepared (G,): whether a step is prepared. span (G, 2): its beginning x and length, in cells.
     free, y (G, (s + 1) 2 m), w (G, s m): of the step, d and v without and with w.
     exits, side (G, m + J): positions in the step at which elements and contacts leave their segments, and the end.
@@ -121,7 +122,7 @@ class Work(NamedTuple):
 
 
 # columns of Work.progress
-CELL, TARGET, LENGTH_CORRECTIONS, SEGMENTS_PASSED, NEWTON_ITERATIONS, IS_DIVIDED = range(6)
+CELL, TARGET, LENGTH_CORRECTIONS, SEGMENTS_PASSED, NEWTON_ITERATIONS, IS_DIVIDED, ROW = range(7)
 
 
 TO_EXIT, TO_END = -1, -2  # target of a step: its end unless an element leaves its segment; its end in any case
@@ -138,7 +139,7 @@ def allocate_workspace(motions: int, s: int, m: int, q: int, contacts: int) -> W
     """Return the workspace of a number of motions, none of which is under way."""
     rows = m + contacts
     G, n, r, z, integer, pair = motions, (s + 1) * 2 * m, s * m, np.zeros, np.int64, complex
-    progress = z((G, 6), dtype=integer)
+    progress = z((G, 7), dtype=integer)
     progress[:, TARGET] = TO_EXIT
     return Work(
         progress=progress,

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.common.process.compiling import kernel
 from hbgear.time.exponential.kernels.breakpoints import level_at, level_slope_at
+from hbgear.time.exponential.kernels.data import Method, Plan, Work
 from hbgear.time.exponential.segments import BREAKPOINT_TOLERANCE, SAMPLES_PER_STEP, Integers
 
 
@@ -22,15 +25,24 @@ def may_leave(
     low: Array,
     high: Array,
     h: float,
+    span: Array,
     exits: Array,
 ) -> bool:
     """Return whether any element or contact may leave its segment; ``exits`` are 0 for these and inf for the others."""
     any_may_leave = False
+    h *= span[1]
     for j in range(len(segment)):
         exits[j] = np.inf
         if _may_leave_segment(nodes, y, d, v, j, owner[j], levels, low[j, segment[j]], high[j, segment[j]], h):
             exits[j], any_may_leave = 0.0, True
     return any_may_leave
+
+
+@kernel
+def exit_arguments(plan: Plan, method: Method, d: Array, v: Array, segment: Integers, work: Work) -> Any:
+    """Return the arguments of `may_leave` and `first_exit` for rows of the plan and the work."""
+    step = method.nodes, work.y, d, v, method.owner, work.levels, segment, plan.low, plan.high, plan.h, work.span
+    return (*step, work.exits), (*step, work.exits, work.side, work.samples, method.dense, method.values, method.slopes)
 
 
 @kernel
@@ -66,9 +78,6 @@ def _may_leave_segment(
 
 @kernel
 def first_exit(
-    dense: Array,
-    values: Array,
-    slopes: Array,
     nodes: Array,
     y: Array,
     d: Array,
@@ -79,15 +88,20 @@ def first_exit(
     low: Array,
     high: Array,
     h: float,
+    span: Array,
     exits: Array,
     side: Integers,
     samples: Array,
+    dense: Array,
+    values: Array,
+    slopes: Array,
 ) -> int:
     """Return the element or contact that first leaves its segment, or -1; ``exits`` and ``side`` are the exits of all.
 
     ``exits`` are in units of the step, inf without exit. Only rows with a finite value are tested, see `may_leave`.
     """
     first = -1
+    h *= span[1]
     c, gaps, rates, data = samples[0], samples[1], samples[2], samples[3]
     for j in range(len(segment)):
         if exits[j] == np.inf:

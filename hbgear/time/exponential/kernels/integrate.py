@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from hbgear.common.arrays import Array
 from hbgear.common.process.compiling import kernel
 from hbgear.time.exponential.kernels.breakpoints import (
@@ -16,6 +18,7 @@ from hbgear.time.exponential.kernels.data import (
     IS_DIVIDED,
     LENGTH_CORRECTIONS,
     NEWTON_ITERATIONS,
+    ROW,
     SEGMENTS_PASSED,
     TARGET,
     TO_END,
@@ -26,9 +29,25 @@ from hbgear.time.exponential.kernels.data import (
     Tables,
     Work,
 )
-from hbgear.time.exponential.kernels.exits import first_exit, may_leave, record
-from hbgear.time.exponential.kernels.newton import correct, folded_step, linearise, predict, propagate_state
-from hbgear.time.exponential.kernels.tables import add_piecewise, evaluate_series, excite, tabulate
+from hbgear.time.exponential.kernels.exits import exit_arguments, first_exit, may_leave, record
+from hbgear.time.exponential.kernels.newton import (
+    correct,
+    folded_step,
+    linearise,
+    newton_arguments,
+    predict,
+    propagate_state,
+)
+from hbgear.time.exponential.kernels.tables import (
+    add_piecewise,
+    evaluate_series,
+    excite,
+    plan_row,
+    table_arguments,
+    table_row,
+    tabulate,
+    work_row,
+)
 from hbgear.time.exponential.segments import SAMPLES_PER_STEP, Integers
 
 _MAX_BREAKPOINT_MISS = 1e-9  # distance of the end of a step from a breakpoint, relative to the size of the motion;
@@ -104,192 +123,127 @@ def integrate_segments(
     int
         Number of motions that wait for forces.
     """
-    any_in_python, waiting, N, last_cell = method.in_python.any(), 0, cells.drive.shape[1], cut.drive.shape[1] - 1
-    element, contact, owner, in_python, straight, nodes, lagrange, dense, values, slopes = method
-    has_maps, zeta_end, scratch, D = len(maps) > 0, work.zeta_end, work.scratch, len(curves.turn)
-    has_series, turns_of, observes_of = D > 0, curves.turn, curves.observe.reshape(D, cut.observe[0].size)
-    feedbacks_of, pushes_of = curves.feedback.reshape(D, cut.feedback[0].size), curves.push.reshape(D, cut.push[0].size)
-    J, right, turns, inner, powers, samples = work.J, work.right, work.turns, work.inner, work.powers, work.samples
+    any_in_python, waiting = method.in_python.any(), 0
     for b in range(first, last):
         r, g = b if len(plan.h) > 1 else 0, b - first if any_in_python else 0
-        kr, cubic, slope, offset = plan.kr[r], plan.cubic[r], plan.slope[r], plan.offset[r]
-        low, high, h, steady, stiffness = plan.low[r], plan.high[r], plan.h[r], plan.steady[r], plan.stiffness[r]
-        poles, output, input = plan.poles[r], plan.output[r], plan.input[r]
-        turn, observe, feedback, push = cells.turn[r], cells.observe[r], cells.feedback[r], cells.push[r]
-        drive, k, cut_drive, cut_k = cells.drive[r], cells.k[r], cut.drive[g], cut.k[g]
-        cut_turn, cut_observe, cut_feedback, cut_push = cut.turn[g], cut.observe[g], cut.feedback[g], cut.push[g]
-        flat_observe, flat_feedback, flat_push = cut_observe.reshape(-1), cut_feedback.reshape(-1), cut_push.reshape(-1)
-        progress, span, forces = work.progress[g], work.span[g], work.forces[g]
-        free, y, w = work.free[g], work.y[g], work.w[g]
-        exits, side, levels, z, x, rate, active = (
-            work.exits[g],
-            work.side[g],
-            work.levels[g],
-            zeta[b],
-            d[b],
-            v[b],
-            segment[b],
-        )
+        motion, step = Motion(b, r, zeta[b], d[b], v[b], segment[b]), work_row(work, g)
+        rows = plan_row(plan, r), table_row(cells, r), table_row(cut, g)
         if not any_in_python:
-            progress[CELL] = begin
-        while True:
-            cell, is_whole = progress[CELL] % N, progress[SEGMENTS_PASSED] == 0 and progress[TARGET] == TO_EXIT
-            if breakpoints is not None:
-                is_whole = is_whole and progress[IS_DIVIDED] == 0
-            if not work.prepared[g]:
-                if progress[CELL] >= end:
-                    break
-                if is_whole:
-                    span[0], span[1] = 0.0, 1.0
-                    if breakpoints is not None:
-                        span[1] = next_breakpoint(breakpoints.first, breakpoints.position, r, cell, 0.0)
-                        is_whole = span[1] == 1.0
-                        progress[IS_DIVIDED] = 0 if is_whole else 1
-                if breakpoints is not None:
-                    set_levels(breakpoints, r, cell + span[0], span[1], N, len(element), len(x), levels)
-                if is_whole:
-                    if has_maps:
-                        folded_step(maps, cell, active, low.shape[1], z, y, zeta_end)
-                    else:
-                        predict(observe, drive, cell, z, free, y, w)
-                else:
-                    if has_series:
-                        evaluate_series(turns_of, span[1], cut_turn)
-                        evaluate_series(observes_of, span[1], flat_observe)
-                        evaluate_series(feedbacks_of, span[1], flat_feedback)
-                        evaluate_series(pushes_of, span[1], flat_push)
-                    else:
-                        tabulate(
-                            poles,
-                            output,
-                            input,
-                            span[1] * h,
-                            nodes,
-                            lagrange,
-                            cut_turn,
-                            cut_observe,
-                            cut_feedback,
-                            cut_push,
-                            turns,
-                            inner,
-                            powers,
-                            scratch,
-                        )
-                    excite(steady, stiffness, nodes, cell + span[0], span[1], N, last_cell, cut_drive, cut_k)
-                    if breakpoints is not None:
-                        add_piecewise(breakpoints, r, h, nodes, cell + span[0], span[1], N, last_cell, cut_drive, cut_k)
-                    predict(cut_observe, cut_drive, last_cell, z, free, y, w)
-                work.prepared[g], progress[NEWTON_ITERATIONS] = True, 0
-                if any_in_python:
-                    waiting += 1
-                    break
-            if is_whole and has_maps:
-                size = change = 0.0
-            elif is_whole:
-                size = linearise(
-                    kr,
-                    cubic,
-                    element,
-                    contact,
-                    slope,
-                    offset,
-                    active,
-                    in_python,
-                    forces,
-                    k,
-                    cell,
-                    feedback,
-                    y,
-                    w,
-                    J,
-                    right,
-                    scratch,
-                    breakpoints,
-                    nodes,
-                    levels,
-                )
-                change = correct(J, right, feedback, free, y, w)
-            else:
-                size = linearise(
-                    kr,
-                    cubic,
-                    element,
-                    contact,
-                    slope,
-                    offset,
-                    active,
-                    in_python,
-                    forces,
-                    cut_k,
-                    last_cell,
-                    cut_feedback,
-                    y,
-                    w,
-                    J,
-                    right,
-                    scratch,
-                    breakpoints,
-                    nodes,
-                    levels,
-                )
-                change = correct(J, right, cut_feedback, free, y, w)
-            progress[NEWTON_ITERATIONS] += 1
-            if not straight and change > 1e-13 * size and progress[NEWTON_ITERATIONS] < _MAX_NEWTON_ITERATIONS:
-                if any_in_python:
-                    waiting += 1
-                    break
-                continue
-            work.prepared[g] = False
-            if progress[TARGET] == TO_EXIT:
-                if may_leave(nodes, y, x, rate, owner, levels, active, low, high, h * span[1], exits):
-                    stop = first_exit(
-                        dense,
-                        values,
-                        slopes,
-                        nodes,
-                        y,
-                        x,
-                        rate,
-                        owner,
-                        levels,
-                        active,
-                        low,
-                        high,
-                        h * span[1],
-                        exits,
-                        side,
-                        samples,
-                    )
-                    if stop >= 0:
-                        span[1] *= exits[stop]
-                        progress[TARGET], progress[LENGTH_CORRECTIONS] = stop, 0
-                        continue
-            elif progress[TARGET] >= 0:
-                limit = 1.0
-                if breakpoints is not None:
-                    limit = next_breakpoint(breakpoints.first, breakpoints.position, r, cell, span[0])
-                if _corrects_length(y, len(x), owner, levels, active, low, high, h, side, progress, span, limit):
-                    continue
-            if fine.shape[3]:
-                record(dense, y, x, rate, span, h, samples, progress[CELL] * SAMPLES_PER_STEP, b, fine)
-            if is_whole and has_maps:
-                for i in range(len(z)):
-                    z[i] = zeta_end[i]
-            elif is_whole:
-                propagate_state(turn, push, w, z)
-            else:
-                propagate_state(cut_turn, cut_push, w, z)
-            for j in range(len(x)):
-                x[j], rate[j] = y[len(y) - 2 * len(x) + j], y[len(y) - len(x) + j]
-            if breakpoints is not None:
-                apply_rate_jump(breakpoints, r, cell, span, rate)
-            if _finish_step(active, exits, side, progress, span):
-                if len(strobes) and progress[CELL] % N == 0:
-                    for i in range(len(z)):
-                        strobes[progress[CELL] // N - 1, b, i] = z[i]
-            elif breakpoints is not None:
-                span[1] = next_breakpoint(breakpoints.first, breakpoints.position, r, cell, span[0]) - span[0]
+            step.progress[CELL] = begin
+        waiting += _integrate_motion(motion, *rows, method, breakpoints, maps, curves, step, end, strobes, fine)
     return waiting
+
+
+class Motion(NamedTuple):
+    """Number b of a motion and r of its row of the plan, and its state: rows of zeta, d, v and segment."""
+
+    b: int
+    r: int
+    zeta: Array
+    d: Array
+    v: Array
+    segment: Integers
+
+
+@kernel
+def _integrate_motion(
+    motion: Motion,
+    plan: Plan,
+    whole: Tables,
+    cut: Tables,
+    method: Method,
+    breakpoints: Breakpoints | None,
+    maps: Array,
+    curves: Tables,
+    work: Work,
+    end: int,
+    strobes: Array,
+    fine: Array,
+) -> int:
+    """Integrate one motion up to a cell; return 1 if it waits for forces. Plan, tables and work are its rows."""
+    b, r, z, d, v, segment = motion
+    low, high, owner, dense, straight, h = plan.low, plan.high, method.owner, method.dense, method.straight, plan.h
+    progress, prepared, span, free, y, w, exits, side, levels = work[:9]
+    samples, zeta_end, observe, drive = work.samples, work.zeta_end, whole.observe, whole.drive
+    turn, push, cut_turn, cut_push = whole.turn, whole.push, cut.turn, cut.push
+    steady, stiffness, nodes = plan.steady, plan.stiffness, method.nodes
+    cut_observe, cut_drive, cut_k = cut.observe, cut.drive, cut.k
+    any_in_python, has_maps, has_series, N = method.in_python.any(), len(maps) > 0, len(curves.turn) > 0, len(drive)
+    turns_of, observes_of, feedbacks_of, pushes_of = curves[:4]
+    flat_observe, flat_feedback, flat_push = cut_observe.reshape(-1), cut.feedback.reshape(-1), cut_push.reshape(-1)
+    of_tables = table_arguments(plan, method, work, cut)
+    of_whole, of_whole_correction = newton_arguments(plan, method, breakpoints, whole, segment, work)
+    of_cut, of_cut_correction = newton_arguments(plan, method, breakpoints, cut, segment, work)
+    of_test, of_exit = exit_arguments(plan, method, d, v, segment, work)
+    while True:
+        cell = progress[CELL] % N
+        is_whole = progress[SEGMENTS_PASSED] == 0 and progress[TARGET] == TO_EXIT and progress[IS_DIVIDED] == 0
+        if not prepared[0]:
+            if progress[CELL] >= end:
+                return 0
+            if is_whole:
+                span[0], span[1] = 0.0, next_breakpoint(breakpoints, r, cell, 0.0)
+                is_whole = span[1] == 1.0
+                progress[IS_DIVIDED] = 0 if is_whole else 1
+            progress[ROW] = cell if is_whole else 0
+            set_levels(breakpoints, r, cell + span[0], span[1], N, len(plan.slope), len(d), levels)
+            if is_whole and has_maps:
+                folded_step(maps, cell, segment, low.shape[1], z, y, zeta_end)
+            elif is_whole:
+                predict(observe, drive, cell, z, free, y, w)
+            else:
+                if has_series:
+                    evaluate_series(turns_of, span[1], cut_turn)
+                    evaluate_series(observes_of, span[1], flat_observe)
+                    evaluate_series(feedbacks_of, span[1], flat_feedback)
+                    evaluate_series(pushes_of, span[1], flat_push)
+                else:
+                    tabulate(*of_tables)
+                excite(steady, stiffness, nodes, cell + span[0], span[1], N, 0, cut_drive, cut_k)
+                add_piecewise(breakpoints, r, h, nodes, cell + span[0], span[1], N, 0, cut_drive, cut_k)
+                predict(cut_observe, cut_drive, 0, z, free, y, w)
+            prepared[0], progress[NEWTON_ITERATIONS] = True, 0
+            if any_in_python:
+                return 1
+        if is_whole and has_maps:
+            size = change = 0.0
+        elif is_whole:
+            size, change = linearise(*of_whole), correct(*of_whole_correction)
+        else:
+            size, change = linearise(*of_cut), correct(*of_cut_correction)
+        progress[NEWTON_ITERATIONS] += 1
+        if not straight and change > 1e-13 * size and progress[NEWTON_ITERATIONS] < _MAX_NEWTON_ITERATIONS:
+            if any_in_python:
+                return 1
+            continue
+        prepared[0] = False
+        if progress[TARGET] == TO_EXIT:
+            stop = first_exit(*of_exit) if may_leave(*of_test) else -1
+            if stop >= 0:
+                span[1] *= exits[stop]
+                progress[TARGET], progress[LENGTH_CORRECTIONS] = stop, 0
+                continue
+        elif progress[TARGET] >= 0:
+            limit = next_breakpoint(breakpoints, r, cell, span[0])
+            if _corrects_length(y, len(d), owner, levels, segment, low, high, h, side, progress, span, limit):
+                continue
+        if fine.shape[3]:
+            record(dense, y, d, v, span, h, samples, progress[CELL] * SAMPLES_PER_STEP, b, fine)
+        if is_whole and has_maps:
+            for i in range(len(z)):
+                z[i] = zeta_end[i]
+        elif is_whole:
+            propagate_state(turn, push, w, z)
+        else:
+            propagate_state(cut_turn, cut_push, w, z)
+        for j in range(len(d)):
+            d[j], v[j] = y[len(y) - 2 * len(d) + j], y[len(y) - len(d) + j]
+        apply_rate_jump(breakpoints, r, cell, span, v)
+        if not _finish_step(segment, exits, side, progress, span):
+            span[1] = next_breakpoint(breakpoints, r, cell, span[0]) - span[0]
+        elif len(strobes) and progress[CELL] % N == 0:
+            for i in range(len(z)):
+                strobes[progress[CELL] // N - 1, b, i] = z[i]
 
 
 @kernel

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.process.compiling import kernel
 from hbgear.time.exponential.kernels.breakpoints import level_at
-from hbgear.time.exponential.kernels.data import Breakpoints, Method, Plan, Tables, Work
+from hbgear.time.exponential.kernels.data import ROW, Breakpoints, Method, Plan, Tables, Work
+from hbgear.time.exponential.kernels.tables import plan_row, table_row, work_row
 from hbgear.time.exponential.segments import Bools, Integers
 
 
@@ -38,8 +41,8 @@ def linearise(
     in_python: Bools,
     forces: Array,
     k: Array,
-    cell: int,
     feedback: Array,
+    progress: Integers,
     y: Array,
     w: Array,
     J: Array,
@@ -50,7 +53,7 @@ def linearise(
     levels: Array,
 ) -> float:
     """Compute the equations J step = right of the next Newton step for w, and return the size of the forces."""
-    s, m, size = k.shape[1], len(kr), 0.0
+    s, m, size, cell = k.shape[1], len(kr), 0.0, progress[ROW]
     for i in range(s):
         for j in range(m):
             a, d = i * m + j, y[i * 2 * m + j]
@@ -102,6 +105,17 @@ def correct(J: Array, right: Array, feedback: Array, free: Array, y: Array, w: A
 
 
 @kernel
+def newton_arguments(
+    plan: Plan, method: Method, breakpoints: Breakpoints | None, table: Tables, segment: Integers, work: Work
+) -> Any:
+    """Return the arguments of `linearise` and of `correct` for rows of the plan, the tables and the work."""
+    laws = plan.kr, plan.cubic, method.element, method.contact, plan.slope, plan.offset, segment, method.in_python
+    step = work.forces, table.k, table.feedback, work.progress, work.y, work.w, work.J, work.right, work.scratch
+    correction = work.J, work.right, table.feedback, work.free, work.y, work.w
+    return (*laws, *step, breakpoints, method.nodes, work.levels), correction
+
+
+@kernel
 def _solve(A: Array, b: Array) -> None:
     """Solve A x = b by Gaussian elimination with partial pivoting; x replaces b, A is overwritten."""
     n = len(b)
@@ -150,8 +164,9 @@ def fold(plan: Plan, method: Method, breakpoints: Breakpoints | None, cells: Tab
     """
     m, P, size = plan.kr.shape[1], plan.low.shape[2], plan.output.shape[2] * 2
     n = out.shape[3] - size
-    segment, zeta, free, y, w = np.zeros(m, dtype=np.int64), work.zeta_end, work.free[0], work.y[0], work.w[0]
-    levels = work.levels[0]
+    row, table, step = plan_row(plan, 0), table_row(cells, 0), work_row(work, 0)
+    segment, zeta, y, w = np.zeros(m, dtype=np.int64), work.zeta_end, step.y, step.w
+    of_equations, of_correction = newton_arguments(row, method, breakpoints, table, segment, step)
     for cell in range(out.shape[0]):
         for combination in range(out.shape[1]):
             for j in range(m):
@@ -159,31 +174,11 @@ def fold(plan: Plan, method: Method, breakpoints: Breakpoints | None, cells: Tab
             for u in range(size, -1, -1):  # the response to the loads first, which is subtracted from the others
                 for r in range(size):
                     zeta[r] = 1.0 if r == u else 0.0
-                predict(cells.observe[0], cells.drive[0], cell, zeta, free, y, w)
-                linearise(
-                    plan.kr[0],
-                    plan.cubic[0],
-                    method.element,
-                    method.contact,
-                    plan.slope[0],
-                    plan.offset[0],
-                    segment,
-                    method.in_python,
-                    work.forces[0],
-                    cells.k[0],
-                    cell,
-                    cells.feedback[0],
-                    y,
-                    w,
-                    work.J,
-                    work.right,
-                    work.scratch,
-                    breakpoints,
-                    method.nodes,
-                    levels,
-                )
-                correct(work.J, work.right, cells.feedback[0], free, y, w)
-                propagate_state(cells.turn[0], cells.push[0], w, zeta)
+                predict(table.observe, table.drive, cell, zeta, step.free, y, w)
+                step.progress[ROW] = cell
+                linearise(*of_equations)
+                correct(*of_correction)
+                propagate_state(table.turn, table.push, w, zeta)
                 for i in range(n + size):
                     loads = 0.0 if u == size else out[cell, combination, size, i]
                     out[cell, combination, u, i] = (y[i] if i < n else zeta[i - n]) - loads

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
@@ -16,6 +18,7 @@ def tabulate(
     output: ComplexArray,
     input: ComplexArray,
     h: float,
+    span: Array,
     nodes: Array,
     lagrange: Array,
     turn: ComplexArray,
@@ -27,12 +30,12 @@ def tabulate(
     powers: ComplexArray,
     scratch: Array,
 ) -> None:
-    """Compute the tables of a step of length h for zeta and for w at the Gauss points.
+    """Compute the tables of a step of length span[1] h for zeta and for w at the Gauss points.
 
     turn, observe, feedback and push are outputs, see `Tables`; the last four arrays are scratch arrays.
     """
     q, m, s = len(poles), input.shape[1], len(lagrange)
-    integrals(poles, h, nodes, lagrange, turns, inner, powers)
+    integrals(poles, span[1] * h, nodes, lagrange, turns, inner, powers)
     for i in range(len(feedback)):
         for e in range(s * m):
             feedback[i, e] = 0.0
@@ -106,7 +109,7 @@ def excite(
 
 @kernel
 def add_piecewise(
-    breakpoints: Breakpoints,
+    breakpoints: Breakpoints | None,
     r: int,
     h: float,
     nodes: Array,
@@ -121,6 +124,8 @@ def add_piecewise(
 
     The stiffness of springs is added to k, -e and -e' to the drive, and kr e + c e' is stored at the end of k.
     """
+    if breakpoints is None:
+        return
     starts, rows, kr, c = breakpoints.starts, breakpoints.rows, breakpoints.kr, breakpoints.c
     m, unit, rate = kr.shape[1], 2 * np.pi / N, 2 * np.pi / (N * h)
     springs = k.shape[2] - m
@@ -155,27 +160,40 @@ def fill(plan: Plan, method: Method, breakpoints: Breakpoints | None, lengths: A
     """Compute tables of steps of given lengths in cells, one for each row; drive and k for all cells of the tables."""
     for i in range(len(lengths)):
         r, cells = i if len(plan.h) > 1 else 0, out.drive.shape[1]
-        tabulate(
-            plan.poles[r],
-            plan.output[r],
-            plan.input[r],
-            lengths[i] * plan.h[r],
-            method.nodes,
-            method.lagrange,
-            out.turn[i],
-            out.observe[i],
-            out.feedback[i],
-            out.push[i],
-            work.turns,
-            work.inner,
-            work.powers,
-            work.scratch,
-        )
+        row, table, step = plan_row(plan, r), table_row(out, i), work_row(work, 0)
+        step.span[1] = lengths[i]
+        tabulate(*table_arguments(row, method, step, table))
         for cell in range(cells):
-            excite(
-                plan.steady[r], plan.stiffness[r], method.nodes, float(cell), 1.0, cells, cell, out.drive[i], out.k[i]
-            )
-            if breakpoints is not None:
-                add_piecewise(
-                    breakpoints, r, plan.h[r], method.nodes, float(cell), 1.0, cells, cell, out.drive[i], out.k[i]
-                )
+            excite(row.steady, row.stiffness, method.nodes, float(cell), 1.0, cells, cell, table.drive, table.k)
+            add_piecewise(breakpoints, r, row.h, method.nodes, float(cell), 1.0, cells, cell, table.drive, table.k)
+
+
+@kernel
+def plan_row(plan: Plan, r: int) -> Plan:
+    """Return the row r of the plan, without the first axis of its arrays."""
+    linear = plan.poles[r], plan.output[r], plan.input[r], plan.kr[r], plan.steady[r], plan.stiffness[r]
+    return Plan(*linear, plan.slope[r], plan.offset[r], plan.low[r], plan.high[r], plan.cubic[r], plan.h[r])
+
+
+@kernel
+def table_row(tables: Tables, r: int) -> Tables:
+    """Return the row r of tables, without the first axis of its arrays."""
+    linear = tables.turn[r], tables.observe[r], tables.feedback[r], tables.push[r]
+    return Tables(*linear, tables.drive[r], tables.k[r])
+
+
+@kernel
+def table_arguments(plan: Plan, method: Method, work: Work, out: Tables) -> Any:
+    """Return the arguments of `tabulate` for rows of the plan, the work and the tables."""
+    structure = plan.poles, plan.output, plan.input, plan.h, work.span, method.nodes, method.lagrange
+    scratch = work.turns, work.inner, work.powers, work.scratch
+    return (*structure, out.turn, out.observe, out.feedback, out.push, *scratch)
+
+
+@kernel
+def work_row(work: Work, g: int) -> Work:
+    """Return the state of motion g, without the first axis of its arrays, and the scratch arrays."""
+    state = work.progress[g], work.prepared[g : g + 1], work.span[g], work.free[g], work.y[g], work.w[g]
+    segments = work.exits[g], work.side[g], work.levels[g], work.forces[g]
+    scratch = work.J, work.right, work.turns, work.inner, work.powers, work.samples, work.zeta_end, work.scratch
+    return Work(*state, *segments, *scratch)
