@@ -118,3 +118,15 @@ def test_command_prints_no_factor(curve, tmp_path):
     result = CliRunner().invoke(cli.app, ["results", str(path), "--element", "y"])
     assert result.exit_code == 0, result.output
     assert "undefined: mean force is zero" in result.output
+
+
+def test_the_static_force_of_pairs_of_teeth_is_that_of_the_torque():
+    """T / r_b at each point, though the stiffness jumps where pairs begin: sampled means differ by up to 1e-3."""
+    gears = [hb.gears.Gear(z, "2.5 mm", "18 mm") for z in (21, 37)]
+    model = hb.GearPair(*gears, backlash="60 um").model("120 N m", damping=0.06)
+    curve = hb.trace(hb.HarmonicBalance(model, 12), "Omega", (1.3, 1.1), stability=False)
+    found = hb.analysis.machine_quantities(curve)
+    base = 2.5e-3 * 21 / 2 * np.cos(np.radians(20))
+    np.testing.assert_allclose(found["force, static"], 120 / base, rtol=1e-8)
+    factors = [hb.analysis.dynamic_factor(model, point) for point in curve]
+    np.testing.assert_allclose(factors, found["dynamic factor"], rtol=1e-12)

@@ -26,7 +26,13 @@ from typing import Any
 
 import numpy as np
 
-from hbgear.analysis.quantities.mesh_dynamic_factor import FORCE_SAMPLES, force_level, force_samples, is_static
+from hbgear.analysis.quantities.mesh_dynamic_factor import (
+    FORCE_SAMPLES,
+    force_level,
+    force_samples,
+    is_static,
+    static_force,
+)
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.atomic_write import atomic_write
@@ -384,7 +390,7 @@ def _of_motion(
     compiled = problem.compiled(parameters)
     force = element_force(problem, X, parameters, index)
     has_static = is_static(force, force_level(compiled.system.elements, problem.rows(X)))
-    static = float(force.mean()) if has_static else 0.0
+    static = static_force(problem, X, parameters, index, force) if has_static else 0.0
     largest = float(force.max() if static > 0 else force.min()) if has_static else float(np.abs(force).max())
     half_range = float(half_peak_to_peak(total_error(problem, X, parameters, index)))
     return half_range, largest, static, largest / static if has_static else math.nan

@@ -22,6 +22,7 @@ from hbgear.common.text.messages import quoted
 from hbgear.continuation.results.point import Point
 from hbgear.harmonic.equations.layout import Layout, layout_of
 from hbgear.harmonic.forces.breakpoints import gap_samples
+from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.mechanics.laws.mesh_contacts import MeshContacts
 from hbgear.mechanics.laws.slider import friction_limits, limit_at, steady_force
 from hbgear.mechanics.laws.vector_laws import Component
@@ -83,14 +84,29 @@ def dynamic_factor(model: Model, point: Point, element: int | str = 0) -> float:
         raise ValueError("dynamic_factor: the point has no layout; give a point of a branch of a HarmonicBalance")
     elements, index = model.at(point.parameters).system().elements, layout.index(element)
     force = _forces(elements, point, layout, index)
-    mean = float(force.mean())
     rows = np.array([point.coefficients(j) for j in range(len(layout.elements))])
     if not is_static(force, force_level(elements, rows)):
         raise ValueError(
             f"dynamic_factor: the static force of {quoted(layout.elements[index])} is zero, so the factor is not "
             "defined; use the column 'force, largest' of hb.analysis.machine_quantities"
         )
-    return float(np.max(force / mean))
+    problem = point.problem
+    if isinstance(problem, HarmonicBalance):
+        problem = problem.at_resolution_of(point)
+        return float(np.max(force / static_force(problem, point.X, dict(point.parameters), index, force)))
+    return float(np.max(force / force.mean()))
+
+
+def static_force(problem: HarmonicBalance, X: Array, parameters: dict[str, float], index: int, force: Array) -> float:
+    """Return the mean of the force of an element of which the samples `force` are given.
+
+    It is that of the balance, because samples of a stiffness that jumps have a mean with an error up to 1e-3. With
+    friction between teeth it is that of the samples: the balance has the moment of the friction in the same force.
+    """
+    law = problem.compiled(parameters).system.elements[index].law
+    if isinstance(law, MeshContacts) and law.sliding is not None:
+        return float(force.mean())
+    return float(problem.force_rows(X, **parameters)[index, 0])
 
 
 def is_static(force: Array, level: float) -> bool:
