@@ -10,6 +10,7 @@ import pytest
 from machines import single_mass
 
 import hbgear as hb
+from hbgear.harmonic.bifurcations.slip import SlipEvent
 from hbgear.harmonic.equations import model_cache
 from hbgear.harmonic.structure import linear_structure
 from hbgear.mechanics.reference_stiffness import references
@@ -224,3 +225,50 @@ def test_a_level_of_an_amplitude_is_followed_in_any_unit_of_length(L):
         return found.tracked["Omega"][-1]
 
     assert followed(L) == pytest.approx(followed(1.0), rel=1e-9)
+
+
+@hb.mechanics.model
+def stopped_mass(L: float = 1.0, k: float = 50.0, gap: float = 0.5, F: float = 0.1, c: float = 0.04) -> hb.System:
+    """A mass with a stop, with lengths in a unit L."""
+    return single_mass(hb.Unilateral(k=k, gap=gap * L), F=F * L, c=c)
+
+
+def derivatives_of(L):
+    """Derivatives of the special points in the parameters, by the equations of the points."""
+    curve = hb.trace(hb.HarmonicBalance(stopped_mass(L=L), 16), "Omega", (0.6, 2.0), accuracy=None)
+    tables = {point.label: hb.analysis.sensitivity(point).of("Omega") for point in curve.special}
+    return {label: np.array([table[name] for name in ("k", "gap", "F", "c")]) for label, table in tables.items()}
+
+
+@pytest.mark.slow
+def test_sensitivities_do_not_depend_on_the_unit_of_length():
+    """In metres a motion is below 1e-3: second derivatives of R are differences relative to the motion there, too."""
+    expected = derivatives_of(1.0)
+    assert {"PD1", "LP2", "GR1"} <= set(expected)
+    for L in (1e-6, 1e-9):
+        found = derivatives_of(L)
+        assert found.keys() == expected.keys()
+        for label, value in found.items():
+            np.testing.assert_allclose(value, expected[label], rtol=0, atol=1e-6 * np.abs(expected[label]).max())
+
+
+@pytest.mark.parametrize("L", [1.0, 1e-6, 1e-9])
+def test_the_peak_of_a_registered_measure_does_not_depend_on_the_unit_of_length(L, registries_are_restored):
+    """The measure is the rms value, whose peak has equations of its own."""
+    hb.harmonic.register_measure(name="alternating", text="rms")(
+        lambda coefficients: np.sqrt((coefficients[..., 1:] ** 2).sum(axis=-1) / 2)
+    )
+    problem = hb.HarmonicBalance(hb.Duffing(k3=1.0 / L**2, F=0.2 * L, zeta=0.1), 5)
+    curve = hb.trace(problem, "Omega", (0.5, 1.8), accuracy=None)
+    (own,), (built_in,) = hb.analysis.peaks(curve, "alternating"), hb.analysis.peaks(curve, "rms")
+    assert own.parameters["Omega"] == pytest.approx(built_in.parameters["Omega"], rel=1e-10)
+
+
+@pytest.mark.parametrize("L", [1.0, 1e-6])
+def test_a_corner_lies_at_its_threshold_relative_to_the_motion(L):
+    """A fold 1e-5 of the motion away from the first slip is no corner, also if lengths are in metres."""
+    law, event = hb.mechanics.Jenkins(k=1.0, limit=0.1 * L), SlipEvent()
+    problem = hb.HarmonicBalance(single_mass(law, F=0.06 * L, c=0.02), 9)
+    slip = hb.trace(problem, "Omega", (0.6, 1.4), accuracy=None)["SL1"]
+    assert event.corner(problem, "Omega", slip.X, slip.parameters) is not None
+    assert event.corner(problem, "Omega", slip.X * (1 - 1e-5), slip.parameters) is None

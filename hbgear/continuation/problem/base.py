@@ -17,6 +17,7 @@ Each further method or attribute that a problem defines adds an ability:
 | ``solution_norm`` | the size of X, which scales arclength | the norm of X |
 | ``smooth`` | whether dR/dX is continuous | True |
 | ``difference_step`` | relative step of differences of dR/dX at X | 1e-5 |
+| ``least_size`` | size of X below which this step does not become smaller | 1e-3 |
 | ``layout`` | names and amplitude measures of X | X is an array of numbers |
 | ``observe``, ``observe_many`` | multipliers, error estimate, monitored quantities | none |
 | ``events`` | further special points | folds and branch points only |
@@ -48,7 +49,7 @@ from hbgear.common.arrays import Array
 from hbgear.common.ranges import ANY, Range
 from hbgear.continuation.numerics.linear import Matrix, norm
 from hbgear.continuation.problem.evaluation import Evaluation, Locating, Pursuit
-from hbgear.continuation.problem.finite_differences import STEP, directional_step, parameter_derivatives
+from hbgear.continuation.problem.finite_differences import LEAST_SIZE, STEP, directional_step, parameter_derivatives
 from hbgear.continuation.problem.work import Work
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.layout import LayoutProtocol
@@ -90,6 +91,8 @@ class ContinuationProblem:
     """Possible cause of a singular Jacobian at a start, for the error message."""
     restarts: bool = True
     """True if a trace whose solutions are under-resolved starts again with `refined_problem`."""
+    least_size: float = LEAST_SIZE
+    """Size of the unknowns below which differences of dR/dX do not become smaller."""
     batch_size: int = 128
     """Number of solutions per call of `observe_many`. Ctrl-C waits for one call."""
 
@@ -145,7 +148,7 @@ class ContinuationProblem:
     def curvature(self, X: Array, v: Array, name: str, **parameters: float) -> tuple[Matrix, Matrix]:
         """Return the derivatives (n, n) of dR/dX along v (n,) and in the parameter; by default central differences."""
         step, f = self.difference_step(X, parameters), self.evaluate
-        h = directional_step(X, v, step)
+        h = directional_step(X, v, step, self.least_size)
         (dJ_dp,) = parameter_derivatives(self, name, parameters, lambda values: (f(X, **values)[1],), step)
         plus, minus = (f(X + s * h * v, **parameters)[1] for s in (1, -1))
         return (plus - minus) / (2 * h), dJ_dp

@@ -27,12 +27,16 @@ class HasUnits(Protocol):
         """Return the size relative to which a parameter change is small."""
 
 
-def directional_step(X: Array, v: Array, relative: float = STEP) -> float:
+LEAST_SIZE = 1e-3
+"""Size of unknowns below which differences do not become smaller, relative to their unit: they may be zero."""
+
+
+def directional_step(X: Array, v: Array, relative: float = STEP, least: float = LEAST_SIZE) -> float:
     """Return the step h of a central difference (f(X + h v) - f(X - h v)) / 2h at unknowns X along v, (n,) each.
 
-    The change h v has the size ``relative`` relative to X.
+    The change h v has the size ``relative`` relative to X, or to a size ``least`` of smaller unknowns.
     """
-    return relative * max(1e-3, norm(X)) / norm(v)
+    return relative * max(least, norm(X)) / norm(v)
 
 
 def parameter_derivatives(

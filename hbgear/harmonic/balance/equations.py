@@ -23,7 +23,7 @@ from hbgear.common.ranges import ANY, POSITIVE, Range, checked
 from hbgear.continuation.numerics.linear import norm
 from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.problem.evaluation import FOLD, Evaluation, Locating, Pursuit
-from hbgear.continuation.problem.finite_differences import STEP, directional_step, parameter_derivatives
+from hbgear.continuation.problem.finite_differences import LEAST_SIZE, STEP, directional_step, parameter_derivatives
 from hbgear.harmonic.bifurcations.no_contact import Pins
 from hbgear.harmonic.equations.discretization import Discretization
 from hbgear.harmonic.equations.evaluator import Evaluator, elements_between_breakpoints
@@ -241,7 +241,7 @@ class HarmonicEquations(ContinuationProblem):
         evaluator = self.compiled(parameters)
         if name != "Omega" or evaluator.aft_laws or evaluator.damped or evaluator.sliders:
             return super().curvature(X, v, name, **parameters)
-        step = directional_step(X, v, self.difference_step(X, parameters))
+        step = directional_step(X, v, self.difference_step(X, parameters), self.least_size)
         return evaluator.curvature(X, v, step, float(parameters["Omega"]))
 
     @checked_arguments()
@@ -278,8 +278,14 @@ class HarmonicEquations(ContinuationProblem):
         """Return the relative step of differences of dR/dX, within which no contact or interval of stick ends."""
         compiled = self.compiled(parameters)
         usual, (interval,) = STICK_STEP if compiled.sliders else STEP, shortest_intervals(compiled, X[None])
-        nearest = STEP_OVER_DISTANCE * nearest_threshold(compiled, X, parameters["Omega"]) / max(1e-3, norm(X))
+        size = max(self.least_size, norm(X))
+        nearest = STEP_OVER_DISTANCE * nearest_threshold(compiled, X, parameters["Omega"]) / size
         return min(usual, max(LEAST_STEP, min(STEP_OVER_SQUARE * float(interval) ** 2, nearest)))
+
+    @property
+    def least_size(self) -> float:  # type: ignore[override]
+        """Size of a motion below which differences do not become smaller; a thousandth of a gap that is below one."""
+        return LEAST_SIZE * min(1.0, self.models.length)
 
     def solution_norm(self, X: Array) -> float:
         """Return the norm of the alternating part, which scales the arclength."""

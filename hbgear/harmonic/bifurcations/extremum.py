@@ -196,13 +196,13 @@ class RegisteredMeasurePeak(AmplitudeExtremum):
         The step of the second difference is larger, because its error from rounding grows with 1 / h^2. It affects only
         the rate of convergence of Newton's method.
         """
-        h = SECOND_DIFFERENCE_STEP * max(1e-3, norm(X)) / max(norm(t), 1e-12)
+        h = SECOND_DIFFERENCE_STEP * (norm(X) or 1.0) / (norm(t) or 1.0)
         curvature = (self._gradient(X + h * t) - self._gradient(X - h * t)) / (2 * h)
         return self._gradient(X), curvature
 
     def _gradient(self, X: Array) -> Array:
         """Return the gradient (n,) of the measure by central differences in the unknowns of the element."""
-        h, m = STEP * max(1e-3, norm(X)), self.problem.m
+        h, m = STEP * (norm(X) or 1.0), self.problem.m
         unknowns = np.arange(len(X)).reshape(m, -1)[self.element]
         changes = np.zeros((len(unknowns), len(X)))
         changes[np.arange(len(unknowns)), unknowns] = h

@@ -191,7 +191,8 @@ class NeimarkSackerProblem(_PairProblem):  # numpydoc ignore=PR02
         rows[:, 0] /= 2.0
         compiled, padded = self.problem.compiled(parameters), np.zeros((m, 4 * H + 1))
         padded[:, : 2 * H + 1] = self.problem.rows(X)
-        h = directional_step(padded.ravel(), rows.ravel(), self.problem.difference_step(X, parameters))
+        step, least = self.problem.difference_step(X, parameters), self.problem.least_size
+        h = directional_step(padded.ravel(), rows.ravel(), step, least)
         above, below = (
             slopes(compiled, (padded + side * h * rows).ravel())[:, self.problem.orders] for side in (1, -1)
         )

@@ -129,7 +129,7 @@ class ThresholdProblem(MinimallyAugmentedProblem):
 
         ``dg`` is the derivative of the own distance in the parameter.
         """
-        reached = np.flatnonzero(np.abs(self.distances(X, parameters)) < SIMULTANEOUS_THRESHOLD * (1.0 + norm(X)))
+        reached = np.flatnonzero(np.abs(self.distances(X, parameters)) < SIMULTANEOUS_THRESHOLD * norm(X))
         simultaneous = [i for i in reached.tolist() if i != self.which]
         slopes = np.array([self.threshold(X, i, parameters)[1] for i in (self.which, *simultaneous)])
         rows = X[: slopes[0].size].reshape(slopes[0].shape)
@@ -239,7 +239,7 @@ class ThresholdEvent(BuiltInEvent):
         """
         for kind in self.problems:
             distances = np.abs(kind(problem, parameter).distances(X, parameters))
-            if distances.size and distances.min() <= CORNER_DISTANCE * (1.0 + norm(X)):
+            if distances.size and distances.min() <= CORNER_DISTANCE * norm(X):
                 return kind(problem, parameter, int(np.argmin(distances)))
         return None
 

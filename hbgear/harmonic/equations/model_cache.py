@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Mapping
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -90,6 +91,7 @@ class ModelCache:
         """Return a cache with changed attributes, for a number of systems, which computes them again."""
         out = copy.copy(self)
         vars(out).update(changes)
+        vars(out).pop("length", None)
         out._forget_systems(systems)
         out._forget_evaluators()
         return out
@@ -141,15 +143,20 @@ class ModelCache:
             self.check_parameter(name)
         return tuple(sorted(changed.items()))
 
+    @cached_property
+    def length(self) -> float:
+        """Largest length of the model (`longest`); 1 without any."""
+        return longest(self.evaluator({}).system) or 1.0
+
     def unit_at_zero(self, name: str, usual: float) -> float:
         """Return the unit of a parameter that is zero in the model: the step that changes the balance by a thousandth.
 
         It is the ``usual`` unit if a step of that unit has an effect beyond rounding, or no larger step has one.
         """
         default = self.evaluator({})
-        length, Omega = longest(default.system) or 1.0, abs(float(np.mean(self.model.default_span)))
+        Omega = abs(float(np.mean(self.model.default_span)))
         X = np.zeros((self.discretization.m, self.discretization.size // self.discretization.m))
-        X[:, :3] = length * np.array([0.5, 1.5, 0.5])
+        X[:, :3] = self.length * np.array([0.5, 1.5, 0.5])
         R, *_, size = default.linearise(X.ravel(), Omega)
         first = h = STEP * usual
         while h < MAX_PARAMETER_STEP:
