@@ -138,6 +138,15 @@ def test_an_error_is_that_of_the_multiplier_itself():
     assert swapped == pytest.approx(error, rel=1e-12)
 
 
+def test_a_difference_that_vanishes_by_chance_is_a_share_of_the_largest():
+    """One multiplier agrees, the other changes by 0.01: the error of the first is 0.3 of that, times 3."""
+    mu, other = np.array([[0.9, 0.3]]), np.array([[0.9, 0.31]])
+    residual = difference_of(mu, other).residual[0]
+    np.testing.assert_allclose(residual, [0.3 * 0.01 * 0.6, 0.01 * 0.6], rtol=0.05)
+    error = float(estimate_multiplier_error(mu, difference_of(mu, other))[0])
+    assert error == pytest.approx(3 * 0.3 * 0.01, rel=0.05)
+
+
 def test_a_root_moves_by_the_largest_shift():
     """x max(x, d - x) = epsilon, by both branches of the formula and at their common end."""
     for d, x in ((1.0, 0.2), (1.0, 0.5), (0.1, 0.3), (0.0, 0.2)):

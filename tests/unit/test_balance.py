@@ -409,3 +409,14 @@ def test_a_curve_is_complete_where_tables_for_twice_the_harmonics_are_too_large(
     limited = HarmonicBalance(SpurPair(zeta=0.05), 16)
     assert finer is not None and limited.refined_problem is None
     assert trace(limited, "Omega", (0.9, 0.8)).status.complete
+
+
+def test_comparisons_with_fewer_harmonics_have_the_weights_of_an_error_of_second_order(monkeypatch):
+    """If e(H) = c / H^2, each difference times its weight is e(H); other differences have the weight 1."""
+    problem = HarmonicBalance(SpurPair(), 16)
+    assert [(other.H, weight) for other, weight in problem.comparisons] == [(24, 1.0), (32, 1.0)]
+    monkeypatch.setattr(discretization, "MAX_REFINED_UNKNOWNS", 20)
+    problem = HarmonicBalance(SpurPair(), 16)
+    assert [other.H for other, _ in problem.comparisons] == [12, 8]
+    for other, weight in problem.comparisons:
+        assert weight * (other.H**-2.0 - 16**-2.0) == pytest.approx(16**-2.0, rel=1e-12)
