@@ -137,9 +137,11 @@ def test_published_mean_of_a_rotor_dynamics_code():
     assert p.mesh(LOAD * p.face_width * p.base_radii[0]).stiffness.mean == pytest.approx(4.10e8, rel=0.1)
 
 
-def test_light_loads_are_softer_by_iso():
-    p = pair(25, 40, 3)
-    torque = 1e5 / 16 * p.face_width * p.base_radii[0] / cos(radians(20))
+@pytest.mark.parametrize("shift", [0.0, 0.6])
+def test_light_loads_are_softer_by_iso(shift):
+    """The load is that at the reference circle, also where the teeth roll on another circle."""
+    p = pair(25, 40, 3, shift, shift)
+    torque = 1e5 / 16 * p.face_width * 25 * 3e-3 / 2
     assert iso_stiffness(p, torque).single == pytest.approx(iso_stiffness(p).single / 2, rel=1e-12)
 
 

@@ -8,8 +8,8 @@
 
 Stiffnesses act in the transverse plane along the line of action, per face width. C_M = 0.8. C_R is 1 for solid discs,
 and otherwise follows from the thickness s_R of the rim and b_s of the web. C_R and C_B, which follows from the basic
-rack, are the means of both gears. Below a load of 100 N/mm, c' is proportional to the fourth root of the load. A ring
-gear is treated as a rack: 1/z_n2 = 0.
+rack, are the means of both gears. Below a load F_t/b of 100 N/mm, F_t at the reference circle, c' is proportional to
+the fourth root of the load. A ring gear is treated as a rack: 1/z_n2 = 0.
 
 References
 ----------
@@ -63,7 +63,7 @@ def iso_stiffness(pair: GearPair, torque: float | None = None) -> IsoStiffness:
     rim_factor = (blank_factor(p) + blank_factor(w)) / 2
     single = THEORY_CORRECTION * rim_factor * rack_factor * cos(p.helix_angle) * modulus_ratio / q * NEWTON_PER_MM_UM
     if torque is not None:
-        load = pair.transverse_force(torque) * cos(pair.working_pressure_angle) / pair.face_width
+        load = torque / (p.reference_diameter / 2) / pair.face_width  # F_t acts at the reference circle
         single *= min(load / LOW_LOAD, 1.0) ** 0.25
     return IsoStiffness(single, single * (0.75 * pair.contact_ratio + 0.25))
 
