@@ -1,8 +1,8 @@
 """Quantities of a periodic motion: forces, coordinates, contact regime, truncation error.
 
     force of element j     f_k + i k (Omega / nu) c_j d_k          (law and damper)
-    truncation error       delta d_k = -G_k f_k                    for the harmonics of forces and of the excitation
-                                                                   that the balance leaves out
+    truncation error       delta d_k = W^T D^-1 F_k - e_k - G_k [f_k - (kr + i w c) e_k]
+                           for the harmonics of forces and of the excitation that the balance leaves out
 
 Every function takes an `Evaluator`, the model at one parameter set, and unknowns X of its discretization.
 """
