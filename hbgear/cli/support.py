@@ -179,10 +179,14 @@ def span_of(
     if usual is None and isinstance(model, hb.System) and None in (first, last):
         raise ValueError(f"--from and --to are needed: a structure has no usual range of Omega{_natural(model)}")
     a, b = usual or model.default_span
-    return (
-        a if first is None else Omega_of(model, "--from", first),
-        b if last is None else Omega_of(model, "--to", last),
-    )
+    a = a if first is None else Omega_of(model, "--from", first)
+    b = b if last is None else Omega_of(model, "--to", last)
+    if a == b and first is not None and last is not None:
+        raise ValueError(f"--from {first} and --to {last} are the same frequency; give two different ones")
+    for option, text, Omega in (("--from", first, a), ("--to", last, b)):
+        if text is not None and Omega <= 0:
+            raise ValueError(f"{option} {text}: Omega must be positive")
+    return a, b
 
 
 def _natural(system: hb.System) -> str:

@@ -80,7 +80,10 @@ class Request:
         if not isinstance(harmonics, int) or not 1 <= harmonics <= _MAX_HARMONICS:
             raise ValueError(f"the number of harmonics must be from 1 to {_MAX_HARMONICS}")
         numbers = {name: _number(name, value) for name, value in values.items()}
-        return cls(numbers, (_number("the span", span[0]), _number("the span", span[1])), harmonics)
+        first, last = _number("the span", span[0]), _number("the span", span[1])
+        if first == last or min(first, last) <= 0:  # in words, because the page may have r/min
+            raise ValueError("the ends of the curve, from and to, must be positive and different")
+        return cls(numbers, (first, last), harmonics)
 
 
 def _number(name: str, value: Any) -> float:
@@ -282,11 +285,20 @@ def _ends(axes: Any) -> dict[str, tuple[float, float]]:
 
 
 def _lines_of_curves(branch: Branch) -> list[dict[str, Any]]:
-    """Return the line of each curve of the span of a saved branch, in all measures and elements."""
-    return [
-        {"name": "saved curve", "mode": "lines", "x": one["x"], "sizes": one["amplitudes"]}
-        for one in (view(curve, "") for curve in branch.curves)
-    ]
+    """Return the line of each curve of the span of a saved branch, in all measures and elements.
+
+    Lines end at the upper limit of the axes of a curve that goes to infinity: they would hide the others.
+    """
+    lines = []
+    for one in (view(curve, "") for curve in branch.curves):
+        sizes = one["amplitudes"]
+        for measure, tops in (one["top"] or {}).items():
+            sizes[measure] = [
+                [None if y is None or y > top else y for y in by_element]
+                for by_element, top in zip(sizes[measure], tops, strict=True)
+            ]
+        lines.append({"name": "saved curve", "mode": "lines", "x": one["x"], "sizes": sizes})
+    return lines
 
 
 def _map_over_Omega(

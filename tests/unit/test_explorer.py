@@ -28,6 +28,7 @@ from hbgear.io.machines.machine_file import Machine, read_machine, write_machine
 from hbgear.web.editable_model import EditableInstance, EditableMachine
 from hbgear.web.explorer import Explorer, Request, Superseded
 from hbgear.web.server import Server
+from hbgear.web.view import view
 
 pytest.importorskip("flask")
 pytest.importorskip("plotly")
@@ -274,6 +275,8 @@ def test_jump_map_of_two_parameters_holds_omega():
         ({"values": {"zeta": "x"}}, "zeta must be a finite number"),
         ({"values": {"zeta": True}}, "zeta must be"),
         ({"span": [1]}, "two numbers"),
+        ({"span": [1.2, 1.2]}, "from and to, must be positive and different"),
+        ({"span": [1.2, -0.1]}, "from and to, must be positive and different"),
         ({"harmonics": 0}, "from 1 to"),
         ({"harmonics": 10**6}, "from 1 to"),
     ],
@@ -515,6 +518,16 @@ def test_a_saved_curve_is_drawn_in_every_measure_and_element():
     np.testing.assert_allclose(line["sizes"]["rms"][0], curve.amplitude("rms"), rtol=1e-6)
     difference = np.array(line["sizes"]["dte"][0]) - 37.6 * np.array(line["sizes"]["pp2"][0])
     assert np.abs(difference).min() > 1.0  # um
+
+
+def test_a_saved_curve_that_goes_to_infinity_does_not_set_the_axes():
+    """Its line ends at the limit of the axes of its own page, so that a change with small amplitudes is visible."""
+    model = hb.SpurPair(zeta=0.01, eps=(0.0, 0.2), e=(0.05,))
+    curve = hb.trace(hb.HarmonicBalance(model, 8), "Omega", (1.5, 0.3), stability=False)
+    tops = [one["top"]["pp2"][0] for one in (view(each, "") for each in curve.curves) if one["top"]]
+    lines = Explorer(EditableInstance(model, "spur-pair"), SPAN, 4, curve).start()["behind"]
+    largest = max(y for line in lines for y in line["sizes"]["pp2"][0] if y is not None)
+    assert 0.5 * max(tops) < largest <= max(tops) < 0.1 * curve.amplitude("pp2").max()
 
 
 @pytest.mark.slow
