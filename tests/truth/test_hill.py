@@ -10,11 +10,12 @@ fall like 1/k and those of p like 1/k^3.
 
 import numpy as np
 import pytest
+from machines import Drag, single_mass
 
 import hbgear as hb
 from hbgear import HarmonicBalance, SpurPair, trace
 from hbgear.continuation.solvers.newton import solve
-from hbgear.harmonic.multipliers.hill import hill_multipliers
+from hbgear.harmonic.multipliers.hill import CondensedHillMatrix, hill_multipliers
 from hbgear.mechanics.series.fourier import resize
 
 N = np.array([10, 20, 40, 80, 160])
@@ -120,3 +121,15 @@ def test_one_copy_of_each_exponent_is_chosen():
         apart(hill_multipliers(curve.problem.compiled({}), p.X, p.parameters["Omega"]), p.multipliers) for p in curve
     ]
     assert max(errors) < 0.02
+
+
+@pytest.mark.parametrize("law", [Drag(c=0.3, cubic=0.2), hb.Backlash(b=0.3, k=2.0)])
+def test_the_rate_of_the_condensed_matrix_is_its_derivative_in_the_exponent(law):
+    """D(s) has receptances and, for laws of the velocity, slopes that depend on s: both are differentiated."""
+    balance, s, step = HarmonicBalance(single_mass(law, F=0.5), 5), 0.03 + 0.4j, 1e-6
+    X = balance.start(Omega=0.9)
+    matrix = CondensedHillMatrix.of(balance.compiled({}), X, 0.9)
+    assert (matrix.C is not None) == isinstance(law, Drag)
+    above, below = (matrix.matrix(matrix.receptances(z)[0], z) for z in (s + step, s - step))
+    rate = matrix.rate(*matrix.receptances(s), s)
+    np.testing.assert_allclose(rate, (above - below) / (2 * step), rtol=0, atol=1e-8 * np.abs(rate).max())
