@@ -420,3 +420,15 @@ def test_comparisons_with_fewer_harmonics_have_the_weights_of_an_error_of_second
     assert [other.H for other, _ in problem.comparisons] == [12, 8]
     for other, weight in problem.comparisons:
         assert weight * (other.H**-2.0 - 16**-2.0) == pytest.approx(16**-2.0, rel=1e-12)
+
+
+def test_distance_of_two_motions_is_the_rms_of_their_amplitudes():
+    """Means differ by 0.3, first harmonics by |5| - |13| in other phases; a motion of two periods adds its own ones."""
+    problem = HarmonicBalance(SpurPair(), 2)
+    a, b = np.array([0.1, 3.0, 4.0, 0.0, 0.0]), np.array([0.4, -12.0, 5.0, 0.0, 0.0])
+    layout = problem.layout
+    assert layout.distance(a, layout, b) == pytest.approx((0.3**2 + 8.0**2 / 2) ** 0.5, rel=1e-12)
+    doubled = problem.doubled.layout
+    half = np.zeros(problem.doubled.size)
+    half[[0, 1, 3, 4]] = 0.1, 2.0, 3.0, 4.0  # the harmonic 1/2 has the amplitude 2
+    assert layout.distance(a, doubled, half) == pytest.approx(2.0**0.5, rel=1e-12)
