@@ -21,6 +21,7 @@ Hochbruck & Ostermann (2010), Acta Numerica 19, https://doi.org/10.1017/S0962492
 from __future__ import annotations
 
 import copy
+import warnings
 from collections.abc import Sequence
 from threading import Event
 from typing import Any
@@ -40,7 +41,6 @@ from hbgear.mechanics.models import Model, System
 from hbgear.mechanics.reference_stiffness import references
 from hbgear.time.exponential.excitation import Excitation
 from hbgear.time.exponential.law_table import LawTable
-from hbgear.time.exponential.massless import element_without_mass, following_loads
 from hbgear.time.exponential.modal_states import (
     StateBatch,
     StoredModes,
@@ -51,9 +51,20 @@ from hbgear.time.exponential.modal_states import (
     too_large,
 )
 from hbgear.time.exponential.segments import SAMPLES_PER_STEP, Integers, segment_at
-from hbgear.time.exponential.steady_part import highest_order, steady_part
-from hbgear.time.exponential.step_number import MAX_EXCITATION_STEPS, with_sufficient_steps
+from hbgear.time.exponential.steady_part import element_without_mass, following_loads, highest_order, steady_part
 from hbgear.time.exponential.step_tables import Steps, dense, packed
+
+_MAX_EXCITATION_STEPS = 100_000
+"""Largest number of steps per excitation period [-]; the tables hold the excitation of each step."""
+
+_CHECKED_MOTIONS = 4
+"""Number of motions, the largest ones, with which the number of steps is checked."""
+
+_MAX_STEP_CHANGE = 1e-8
+"""Change of a motion in one period by twice the steps, relative to its size, for which their number is accepted."""
+
+_MAX_REFINEMENT = 64
+"""Largest ratio of the steps that a law requires to those that springs and excitation require."""
 
 _REFERENCE_STIFFNESS_RATIO = 0.01
 """Reference stiffness of smooth laws as a fraction of the stiffness of the structure [-]."""
@@ -174,7 +185,7 @@ class ExponentialIntegrator:
         self._adaptive = adaptive
         self._set_frequency(Omega, steps)
 
-    def at(self, Omega: float, steps: int | None = None) -> ExponentialIntegrator:
+    def at(self, Omega: float | Array, steps: int | None = None) -> ExponentialIntegrator:
         """Return the integrator of the same models at another Omega."""
         if self._speed_dependent:
             return ExponentialIntegrator(self._speed_dependent, Omega, steps, self.s, self._adaptive)
@@ -193,18 +204,15 @@ class ExponentialIntegrator:
         self.rows = max(models, len(Omega))  # of the plan: 1, or 1 for each motion
         self.index = np.broadcast_to(self._models, self.rows) if models == 1 else self._models  # system of each row
         self.Omega = np.broadcast_to(Omega, self.rows).copy()
-        self.N = steps or self.excitation.cells(self._default_steps())
+        lowest = [self.Omega[self.index == i].min() for i in range(len(self.systems))]
+        required = map(_required_steps, self.structures, self.systems, lowest)
+        self.N = steps or self.excitation.cells(int(np.ceil(max(12.0, *required))))
         self.adaptive = steps is None if self._adaptive is None else self._adaptive
-        counted(f"steps per period at Omega = {self.Omega.min():g}", self.N, MAX_EXCITATION_STEPS, least=3)
+        counted(f"steps per period at Omega = {self.Omega.min():g}", self.N, _MAX_EXCITATION_STEPS, least=3)
         self._set_steady_part()
         self.plan, self.method, self.breakpoints = self._plan()
         self._output = np.concatenate([self.plan.output.real, -self.plan.output.imag], axis=2)
         self.steps = Steps.of(self.plan, self.method, self.breakpoints, self.N)
-
-    def _default_steps(self) -> int:
-        """Return the steps per period that resolve the contact stiffness and the excitation."""
-        lowest = [self.Omega[self.index == i].min() for i in range(len(self.systems))]
-        return int(np.ceil(max(12.0, *map(_required_steps, self.structures, self.systems, lowest))))
 
     def _set_steady_part(self) -> None:
         """Store z_steady (rows, 2 q) at tau = 0, and the harmonics of its d and v (rows, L + 1, 2 m)."""
@@ -357,7 +365,7 @@ class ExponentialIntegrator:
     def take_sufficient_steps(self, batch: StateBatch) -> None:
         """Take more steps where motions with cubic springs or laws in Python require them."""
         if self.adaptive and not self.method.straight and len(batch.d):
-            self.__dict__.update({**with_sufficient_steps(self, batch).__dict__, "adaptive": True})
+            self.__dict__.update({**_with_sufficient_steps(self, batch).__dict__, "adaptive": True})
 
     def _integrate(self, batch: StateBatch, periods: int, strobes: Array, fine: Array) -> None:
         """Integrate motions in place, many motions by several threads."""
@@ -413,3 +421,37 @@ class ExponentialIntegrator:
                 force = laws[j].force(y[rows, :, 0, j], y[rows, :, 1, j], tau[rows])
                 for quantity in range(3):
                     work.forces[waiting[rows], quantity, :, j] = force[quantity]
+
+
+def _with_sufficient_steps(integrator: ExponentialIntegrator, motions: StateBatch) -> ExponentialIntegrator:
+    """Return the integrator, or one with as many steps as motions require, which are not changed.
+
+    A cubic spring that a large motion stiffens, or a steep law in Python such as friction tanh(v / v0), requires more
+    steps than springs and excitation. The number is doubled until twice as many do not change one period.
+    A RuntimeWarning is given if the largest number of steps does not suffice.
+    """
+    largest = np.argsort(-np.abs(motions.zeta + integrator.z).max(axis=1))[:_CHECKED_MOTIONS]
+    limit = min(integrator.N * _MAX_REFINEMENT, _MAX_EXCITATION_STEPS)
+    current, end = integrator, _after_a_period(integrator, motions, largest)
+    while limit >= 2 * current.N:
+        finer = integrator.at(integrator.Omega, 2 * current.N)
+        after = _after_a_period(finer, motions, largest)
+        size = np.abs(after + integrator.z[largest if integrator.rows > 1 else 0]).max()
+        if not np.abs(after - end).max() > _MAX_STEP_CHANGE * size:  # also if the motion diverges
+            return current
+        current, end = finer, after
+    warnings.warn(
+        f"{current.N} steps per period do not resolve a law (twice as many change the motion by more than "
+        f"{_MAX_STEP_CHANGE:g}): use hb.time.integrate with method='DOP853' or 'Radau'",
+        RuntimeWarning,
+        stacklevel=4,
+    )
+    return current
+
+
+def _after_a_period(integrator: ExponentialIntegrator, motions: StateBatch, rows: Integers) -> Array:
+    """Return zeta of some motions after one period."""
+    batch, single = motions.select(rows), copy.copy(integrator.select(rows))
+    single.adaptive = False
+    single.advance(batch)
+    return batch.zeta
