@@ -30,7 +30,7 @@ from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Jump, Point, SpecialPoint
 from hbgear.continuation.solvers.newton import NoConvergence, solve
 from hbgear.harmonic.equations.layout import Layout, layout_of
-from hbgear.mechanics.series.fourier import to_real
+from hbgear.mechanics.series.fourier import coefficients_of, to_real
 from hbgear.time.exponential.integrator import ExponentialIntegrator, structure_of
 from hbgear.time.integration import state_of
 from hbgear.time.steady_state import OBSERVED, SteadyStateSettings, disturbed, settle
@@ -219,10 +219,9 @@ def _motion_left(branch: Branch, jump: Jump) -> Point:
 def _as_point(problem: Any, d: Array, period: int, parameters: dict[str, float]) -> Point:
     """Return samples (m, T) of the element coordinates over a period as the Fourier coefficients of a point."""
     H = problem.H // problem.nu * period
-    c = np.fft.rfft(d, axis=1)[:, : H + 1] / d.shape[1]
-    c[:, 1:] *= 2
+    X, regime = to_real(coefficients_of(d, H)).ravel(), np.full(len(d), -1, dtype=np.int8)
     layout = replace(problem.layout, harmonics=H, nu=period, orders=None)
-    return Point(to_real(c).ravel(), parameters, np.nan, 0, None, np.full(len(d), -1, dtype=np.int8), np.nan, layout)
+    return Point(X, parameters, np.nan, 0, None, regime, np.nan, layout)
 
 
 def landings_of(

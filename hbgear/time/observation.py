@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hbgear.common.arrays import Array
-from hbgear.mechanics.series.fourier import to_real
+from hbgear.mechanics.series.fourier import coefficients_of, to_real
 from hbgear.time.exponential.integrator import ExponentialIntegrator
 from hbgear.time.exponential.modal_states import StateBatch
 
@@ -45,8 +45,7 @@ def observe(integrator: ExponentialIntegrator, motions: StateBatch, periods: int
     per_period = d.shape[1] // periods
     h = 2 * np.pi / (integrator.Omega[0] * per_period)
     low, high = _extremum(d, v, h, -1), _extremum(d, v, h, 1)
-    c = np.fft.rfft(d, axis=1)[:, : HARMONICS * periods + 1 : periods] / d.shape[1]
-    c[:, 1:] *= 2
+    c = coefficients_of(d, HARMONICS * periods)[:, ::periods]
     points = np.stack([d[:, ::per_period], v[:, ::per_period]], axis=-1).transpose(1, 0, 2)
     return Observation(
         d.std(axis=1), (high - low) / 2, np.maximum(np.abs(low), np.abs(high)), d.mean(axis=1), to_real(c), points

@@ -28,7 +28,7 @@ from hbgear.common.ranges import POSITIVE, checked, counted
 from hbgear.continuation.solvers.newton import NoConvergence
 from hbgear.harmonic.structure.linear_structure import LinearStructure
 from hbgear.mechanics.models import Model
-from hbgear.mechanics.series.fourier import resize, stretch, to_real
+from hbgear.mechanics.series.fourier import coefficients_of, resize, stretch, to_real
 from hbgear.time.exponential.modal_states import modal_state, physical_state
 from hbgear.time.flows.slider_flow import complete_state
 from hbgear.time.integration import Motion, integrate
@@ -87,9 +87,7 @@ class Orbit:
         motion = motion or self._own_motion
         e = [element.displacement for element in self.model.system().elements]
         smooth = motion.d + np.array([f(motion.tau) if f.corners else 0 * motion.tau for f in e])
-        c = np.fft.rfft(smooth, axis=-1)[:, : H + 1] / smooth.shape[-1]
-        c[:, 1:] *= 2
-        rows = to_real(c)
+        rows = to_real(coefficients_of(smooth, H))
         for row, f in zip(rows, e, strict=True):
             if f.corners:  # its harmonics are known exactly, not only at samples
                 row -= resize(stretch(f.row(H // self.nu), self.nu), H)

@@ -286,6 +286,22 @@ def samples_of(c: ComplexArray, N: int) -> Array:
     return np.fft.irfft(spectrum, n=N, axis=-1)
 
 
+def coefficients_of(samples: Array, H: int) -> ComplexArray:
+    """Return one-sided coefficients (..., H + 1) of rows of samples over a period; zero above half their number.
+
+    Examples
+    --------
+    >>> coefficients_of(samples_of(np.array([[1.0, 2.0 - 3.0j]]), 8), 2).round(12)
+    array([[1.+0.j, 2.-3.j, 0.+0.j]])
+    """
+    N = samples.shape[-1]
+    c = np.zeros((*samples.shape[:-1], H + 1), dtype=complex)
+    spectrum = np.fft.rfft(samples)[..., : H + 1] / N
+    c[..., : spectrum.shape[-1]] = spectrum
+    c[..., 1:] *= 2.0
+    return c
+
+
 def fast_length(minimum: int) -> int:
     """Return the smallest number >= ``minimum`` without a prime factor above 5, for fast Fourier transforms."""
     n = minimum

@@ -31,7 +31,7 @@ from hbgear.continuation.solvers.deflation import deflated_newton, same_solution
 from hbgear.continuation.solvers.newton import NoConvergence, solve
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.mechanics.models import Model
-from hbgear.mechanics.series.fourier import to_real
+from hbgear.mechanics.series.fourier import coefficients_of, to_real
 from hbgear.time.exponential.integrator import ExponentialIntegrator
 from hbgear.time.exponential.modal_states import StateBatch
 from hbgear.time.integration import state_of
@@ -279,12 +279,8 @@ class _Search:
     def _refined(self, d: Array, period: int) -> _Motion | None:
         """Return the motion of the harmonic balance near displacements (m, T) over its period; None without one."""
         problem = self._problem(period)
-        c = np.zeros((problem.m, problem.H + 1), dtype=complex)
-        spectrum = np.fft.rfft(d, axis=1)[:, : problem.H + 1] / d.shape[1]
-        c[:, : spectrum.shape[1]] = spectrum
-        c[:, 1:] *= 2.0
         try:
-            X = solve(problem, to_real(c).ravel(), self._at()).X
+            X = solve(problem, to_real(coefficients_of(d, problem.H)).ravel(), self._at()).X
         except NoConvergence:
             self.aperiodic += 1
             return None
