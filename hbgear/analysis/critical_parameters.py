@@ -288,7 +288,9 @@ def _follow_to_cusps(
             fold = raise_if_interrupted(trace(equations, parameter, (value, end), start, steps=_FOLD_STEPS))
             traced.append(fold)
             cusps = [p for p in _turns(fold) if p.located]
-            yield from (FoldCusp(cusp, fold, _is_maximum(fold, cusp.index)) for cusp in cusps)
+            for cusp in cusps:  # its value may be the one of more harmonics: points of the curve are compared
+                neighbours = fold.values[max(cusp.index - 1, 0) : cusp.index + 2]
+                yield FoldCusp(cusp, fold, bool(neighbours.min() < fold.values[cusp.index]))
             if cusps:
                 break
 
@@ -303,14 +305,6 @@ def _turns(fold: Branch) -> list[SpecialPoint]:
         else:
             turns.append(point)
     return turns
-
-
-def _is_maximum(fold: Branch, index: int) -> bool:
-    """Return whether the parameter is larger at a cusp than next to it on the fold curve.
-
-    The value of the special point may be the one of more harmonics.
-    """
-    return bool(fold.values[max(index - 1, 0) : index + 2].min() < fold.values[index])
 
 
 def _steepest_slope(curve: Branch) -> str:

@@ -14,13 +14,7 @@ from hbgear.continuation.problem.finite_differences import parameter_derivatives
 from hbgear.continuation.results.point import Point, SpecialPoint
 from hbgear.continuation.solvers.newton import NoConvergence
 from hbgear.harmonic.contact_instants.problem import ContactInstants
-from hbgear.harmonic.contact_instants.special_states import (
-    MAX_HARD_COORDINATES,
-    RELOCATED_KINDS,
-    grazing_contacts,
-    special_state,
-    state_of,
-)
+from hbgear.harmonic.contact_instants.special_states import RELOCATED_KINDS, grazing_contacts, special_state, state_of
 from hbgear.harmonic.instants.corrector import Family, correct
 from hbgear.harmonic.instants.sampling import coefficients
 from hbgear.harmonic.instants.shooting import linearise
@@ -39,11 +33,6 @@ def is_exact(problem: Any, point: Point) -> bool:
     except NoConvergence:
         return False
     return True
-
-
-def is_small(problem: ContactInstants) -> bool:
-    """Return whether a structure has so few coordinates that exact points are located in milliseconds."""
-    return bool(problem.compiled({}).system.n <= MAX_HARD_COORDINATES)
 
 
 def slopes_of(

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from hbgear.analysis.parameter_sensitivity.exact_point import is_exact, is_small, slopes_of, slopes_of_motion
+from hbgear.analysis.parameter_sensitivity.exact_point import is_exact, slopes_of, slopes_of_motion
 from hbgear.analysis.parameter_sensitivity.units import LENGTH, Units, base_problem, measured_along
 from hbgear.common.arrays import Array
 from hbgear.common.text.messages import did_you_mean
@@ -27,6 +27,7 @@ from hbgear.continuation.results.point import Point, SpecialPoint
 from hbgear.continuation.solvers.newton import NoConvergence, refine, solve
 from hbgear.harmonic.bifurcations.extremum import peak_of
 from hbgear.harmonic.contact_instants.problem import ContactInstants
+from hbgear.harmonic.contact_instants.special_states import MAX_HARD_COORDINATES
 from hbgear.harmonic.equations.layout import Layout
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.harmonic.models.frequency_units import MESH, PINION
@@ -43,7 +44,7 @@ def differentiable(point: Point, exact: bool = False) -> Point:
     takes minutes, and the residual form is used if it is accurate enough.
     """
     exact = exact and is_exact(point.problem, point)
-    if point.problem is None or (exact and is_small(point.problem)):
+    if point.problem is None or (exact and point.problem.compiled({}).system.n <= MAX_HARD_COORDINATES):
         return point
     problem, parameter = as_problem(point.problem), list(point.parameters)[-1]
     event = event_at(problem, parameter, point) if isinstance(point, SpecialPoint) else None

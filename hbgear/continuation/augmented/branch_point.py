@@ -120,11 +120,13 @@ class BranchPointProblem(MinimallyAugmentedProblem):
         w, V, g = self._null(evaluation, base)
         V, k, b = V * base.scale[:, None], base.weight, base.b
 
+        def residual_and_matrix(values: dict[str, float]) -> tuple[Array, Array]:
+            evaluation = self.problem.linearise(X, self.parameter, **values)
+            return evaluation.R, _matrix(evaluation)
+
         def slopes_in(name: str) -> tuple[Array, Array]:
             """Return the derivatives of R and g in a parameter."""
-            dR, dA = parameter_derivatives(
-                self.problem, name, parameters, lambda values: self._residual_and_matrix(X, values)
-            )
+            dR, dA = parameter_derivatives(self.problem, name, parameters, residual_and_matrix)
             return dR, -k * (w @ dA @ V)
 
         g, g_X, g_p = k * g, k * self._slopes(X, parameters, w, V), slopes_in(self.parameter)[1]
@@ -145,11 +147,6 @@ class BranchPointProblem(MinimallyAugmentedProblem):
             Jv, Jp = self.problem.curvature(X, np.array(v) if moves else np.ones(len(X)), self.parameter, **parameters)
             out.append(-rate * (w @ Jp) - (w @ Jv if moves else 0.0))
         return np.array(out)
-
-    def _residual_and_matrix(self, X: Array, parameters: dict[str, float]) -> tuple[Array, Array]:
-        """Return R and [dR/dX, dR/dp]."""
-        evaluation = self.problem.linearise(X, self.parameter, **parameters)
-        return evaluation.R, _matrix(evaluation)
 
 
 MIN_SECOND_SINGULAR_VALUE = 1e-7

@@ -212,7 +212,7 @@ def _at_other_resolution(segment: Segment, event: LocatedEvent, problem: Continu
     if simple and (segment.problem.smooth or event.event.regular_at_corners):
         first = _by_equations(segment, event, problem)
         if first is not None:
-            refined = first.locate() if _left_segment(segment, event, first) else None
+            refined = first.locate() if _left_segment(segment, first) else None
             if refined is None:
                 return first
             second = _on_segment(segment, event, problem)
@@ -281,7 +281,7 @@ def _newton_until_settled(
     return extended.located(start, parameters).X
 
 
-def _left_segment(segment: Segment, event: LocatedEvent, comparison: Comparison) -> bool:
+def _left_segment(segment: Segment, comparison: Comparison) -> bool:
     """Return whether a point moved beyond the ends of its segment, and may be another special point.
 
     The segments of corners are so short that their points leave them at any other resolution.

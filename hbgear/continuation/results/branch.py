@@ -17,11 +17,20 @@ from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.deprecation import renamed_attributes
 from hbgear.common.facade import call
+from hbgear.common.ranges import counted
 from hbgear.common.text.messages import quoted
-from hbgear.continuation.results.amplitude import amplitudes
 from hbgear.continuation.results.branch_data import BranchData
 from hbgear.continuation.results.facade import BranchFacade
-from hbgear.continuation.results.point import LANDINGS, Jump, Point
+from hbgear.continuation.results.point import (
+    LANDINGS,
+    MAX_DERIVATIVE,
+    Jump,
+    Point,
+    dof_index,
+    measured,
+    require_layout,
+    rows_of_dof,
+)
 from hbgear.continuation.results.reliability import branch_warnings
 
 
@@ -181,7 +190,7 @@ class Branch(BranchData, BranchFacade):
         KeyError
             If the element or degree of freedom does not exist.
         """
-        return amplitudes(self, measure, element, dof, derivative)
+        return _amplitudes(self, measure, element, dof, derivative)
 
     @checked_arguments()
     def amplitude_error(
@@ -244,3 +253,23 @@ class Branch(BranchData, BranchFacade):
 
 Lander: TypeAlias = Callable[[Branch, Sequence[Branch]], Branch]
 """Type of a function that returns a branch whose jumps have landings."""
+
+
+def _amplitudes(
+    branch: BranchData, measure: str, element: int | str, dof: int | str | None = None, derivative: int = 0
+) -> Array:
+    """Return a measure of amplitude (P,) of each point; see `Branch.amplitude`."""
+    counted("derivative", derivative, MAX_DERIVATIVE, least=0)
+    layout = require_layout(branch.layout)
+    coefficients = layout.rows(branch.X, element) if dof is None else _coefficients_of_dof(branch, dof)
+    parameters = [branch.parameters_at(i) for i in range(len(branch))] if derivative else []
+    return measured(layout, measure, coefficients, parameters, derivative)
+
+
+def _coefficients_of_dof(branch: BranchData, dof: int | str) -> Array:
+    """Return the coefficients of a degree of freedom, (P, ...), from the file or from the problem."""
+    stored = branch.full_motion if branch.problem is None else None
+    if stored is not None and len(stored.rows) == len(branch):
+        return stored.rows[:, dof_index(dof, stored.names)]
+    problem = branch.require_problem()
+    return rows_of_dof(problem, dof, branch.X, [branch.parameters_at(i) for i in range(len(branch))])

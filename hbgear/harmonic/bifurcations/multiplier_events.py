@@ -31,7 +31,7 @@ from hbgear.common.arrays import Array, ComplexArray
 from hbgear.continuation.augmented.minimally_augmented import MinimallyAugmentedProblem
 from hbgear.continuation.curve.segment import BranchStart, CurvePoint, Segment, has_corner
 from hbgear.continuation.events.branch_point import BranchPointEvent, as_traced
-from hbgear.continuation.events.columns import lengths
+from hbgear.continuation.events.columns import lengths, monitored_values
 from hbgear.continuation.events.event import BuiltInEvent, LocatedEvent, locate_by_newton, locate_root, singular
 from hbgear.continuation.events.near_tangency import near_zeros
 from hbgear.continuation.numerics.linear import norm, norms
@@ -41,17 +41,6 @@ from hbgear.continuation.results.point import SpecialPoint
 from hbgear.continuation.results.stability import STABILITY_TOLERANCE, scaled_determinant, sign_of_pairs
 from hbgear.continuation.results.status import Status
 from hbgear.continuation.solvers.newton import SEARCH_ERRORS, SOLVER_ERRORS, refine, solve
-from hbgear.harmonic.bifurcations.monitored import (
-    complex_multipliers,
-    computed_multipliers,
-    count_unstable,
-    multipliers_at,
-    multipliers_of,
-    negative_real,
-    ranked_modulus,
-    unstable_complex_counts,
-    without_negative_real,
-)
 from hbgear.harmonic.bifurcations.neimark_sacker import NeimarkSackerProblem, PairModulusProblem, exponent_of_pair
 from hbgear.harmonic.bifurcations.period_doubling import PeriodDoublingProblem
 from hbgear.harmonic.multipliers.multiplier_collisions import (
@@ -458,3 +447,53 @@ def _at_doubling(segment: Segment, point: CurvePoint) -> CurvePoint:
         return point
     X = problem.resized(extended.embed(solution.X[:-1]))
     return singular(segment, np.append(X, value), point)
+
+
+def multipliers_of(points: Sequence[CurvePoint]) -> ComplexArray | None:
+    """Return multipliers (points, r), if any are known."""
+    return monitored_values(points, "multipliers")
+
+
+def multipliers_at(segment: Segment, point: CurvePoint) -> ComplexArray:
+    """Return the multipliers of a point, computed if they are unknown."""
+    stored: ComplexArray | None = point.observed.get("multipliers")
+    return computed_multipliers(segment, point) if stored is None else stored
+
+
+def computed_multipliers(segment: Segment, point: CurvePoint) -> ComplexArray:
+    """Return the multipliers of a point with the harmonics of the curve; known ones may have been refined."""
+    values = segment.parameters_at(point.value)
+    problem: Any = segment.problem  # a HarmonicBalance, whose events these are
+    return problem.multipliers(point.X, points=8, **values)
+
+
+def count_unstable(mu: ComplexArray) -> np.ndarray:
+    """Return the number of unstable multipliers of sets (P, r)."""
+    return (np.abs(mu) > 1 + STABILITY_TOLERANCE).sum(axis=1)
+
+
+def complex_multipliers(mu: ComplexArray) -> ComplexArray:
+    """Return the multipliers that are not real."""
+    return mu[is_complex(mu)]
+
+
+def negative_real(mu: ComplexArray) -> ComplexArray:
+    """Return the multipliers on the negative real axis, and zero in the place of others."""
+    return np.where(~is_complex(mu) & (mu.real < 0), mu, 0.0)
+
+
+def without_negative_real(mu: ComplexArray) -> ComplexArray:
+    """Return the multipliers with zero in the place of those on the negative real axis."""
+    return np.where(is_complex(mu) | (mu.real > 0), mu, 0.0)
+
+
+def unstable_complex_counts(ends: ComplexArray) -> tuple[int, int]:
+    """Return the smaller and the larger number of unstable complex multipliers at two ends."""
+    smaller, larger = sorted(count_unstable(np.where(is_complex(ends), ends, 0.0)).tolist())
+    return smaller, larger
+
+
+def ranked_modulus(mu: ComplexArray, k: int) -> float:
+    """Return the modulus of a rank k from the largest; nan if there are fewer multipliers."""
+    sizes = np.sort(np.abs(mu))[::-1]
+    return float(sizes[k]) if k < len(sizes) else math.nan
