@@ -141,6 +141,25 @@ def test_directions_of_an_isotropic_law_are_arbitrary():
     assert results[1][1] == pytest.approx(results[0][1], rel=1e-9)
 
 
+def test_a_varying_law_of_several_displacements_follows_one_frequency():
+    """It followed the frequency of its first element, without a message."""
+
+    class Varying(hb.mechanics.VectorLaw):
+        size, rated, steady = 2, False, False
+
+        def force(self, d, v, tau):
+            k = 1 + 0.2 * np.cos(tau)
+            return k * d, k * UNIT[:, :, None], np.zeros((2, 2, len(tau)))
+
+    def problem(law, elements):
+        system = dataclasses.replace(rotor(), elements=[*hb.mechanics.VectorElement(UNIT, law, name="seal")])
+        return hb.harmonic.TwoToneProblem(system, math.sqrt(2.0), elements=elements, harmonics=(3, 3))
+
+    with pytest.raises(ValueError, match=r"one frequency; add seal 1 to elements"):
+        problem(Varying(), ["seal 2"])
+    assert problem(Varying(), ["seal 1", "seal 2"]).size == problem(RADIAL, ["seal 2"]).size
+
+
 @pytest.mark.slow
 def test_rub_with_two_loads_is_that_of_time_integration():
     second, Omega, ratio = np.array([0.02, 0.05]), 0.8, math.sqrt(2.0)

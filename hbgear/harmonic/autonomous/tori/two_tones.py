@@ -36,6 +36,7 @@ from hbgear.harmonic.autonomous.tori.stability import birkhoff_weights, stabilit
 from hbgear.harmonic.equations.evaluator import Evaluator
 from hbgear.harmonic.harmonic_balance import HarmonicBalance
 from hbgear.harmonic.structure.derived_model import DerivedModel
+from hbgear.mechanics.laws.vector_laws import vector_groups
 from hbgear.mechanics.models import Model, System
 from hbgear.mechanics.plausibility import warn
 from hbgear.mechanics.serialization import to_plain
@@ -102,7 +103,8 @@ class TwoToneProblem(TorusProblem):
     ------
     ValueError
         If the ratio is a small rational number, the load has a constant part, an element does not exist or has a
-        displacement with breakpoints, or as of `TorusProblem`.
+        displacement with breakpoints, some elements of a varying law of several displacements are missing, or as of
+        `TorusProblem`.
 
     Examples
     --------
@@ -151,6 +153,10 @@ class TwoToneProblem(TorusProblem):
         if any(len(vector) != system.n for vector in self.load.vectors()):
             raise ValueError(f"the vectors of the second load need {system.n} entries, one for each coordinate")
         self._second = np.array([name in self.elements for name in names])
+        for rows, law in vector_groups([element.law for element in system.elements]):
+            if not law.steady and len(set(self._second[rows].tolist())) > 1:
+                missing = ", ".join(names[j] for j in rows if not self._second[j])
+                raise ValueError(f"a law of several displacements varies with one frequency; add {missing} to elements")
         first = _FirstTone(model, self.elements) if self.elements else model
         balance = HarmonicBalance(first, max(lower[0], nu), nu=nu)
         scaled = None if band is None else nu * band
