@@ -161,6 +161,49 @@ def test_a_varying_law_of_several_displacements_follows_one_frequency():
 
 
 @pytest.mark.slow
+def test_errors_of_the_whirl_of_a_rub_with_friction_at_a_neimark_sacker_point():
+    """The tori are unstable: shooting in the rotating frame, with cycles of the frequency 2 Omega - Omega_2."""
+    k, gap, mu, e = 2.0, 0.3, 0.1, 0.2
+    seal = hb.mechanics.VectorElement(UNIT, hb.mechanics.RadialClearance(k, gap, mu))
+    unbalance = hb.Load(cosine={1: [e, 0.0]}, sine={1: [0.0, e]}, power=2)
+    system = hb.System(UNIT, C * UNIT, UNIT, [*seal], unbalance)
+    curve = hb.trace(hb.HarmonicBalance(system, 5), "Omega", (1.75, 1.65), accuracy=None)
+    tori = hb.analysis.torus(curve, "NS1", (1.65, 1.715), harmonics=(7, 7))
+    point, W = tori[-1], float(tori.values[-1])
+
+    def flow(s, T, t=None):
+        def rate(t, s):
+            z, v = s[0] + 1j * s[1], s[2] + 1j * s[3]
+            a = e * W**2 - (C + 2j * W) * v - (1 - W**2 + 1j * C * W) * z
+            a -= k * (1 + 1j * mu) * max(1 - gap / abs(z), 0.0) * z
+            return [v.real, v.imag, a.real, a.imag]
+
+        return scipy.integrate.solve_ivp(rate, (0, T), s, "DOP853", t, rtol=1e-11, atol=1e-13).y
+
+    Omega_2, basis = tori.tracked["Omega_2"][-1], tori.problem.basis
+    q = tori.problem.motion(point.X, **point.parameters)
+    x, y = q.sum(axis=1).real
+    vx, vy = (q * (1j * (basis.k @ [W, Omega_2]))).sum(axis=1).real
+    guess = np.array([x, y, vx + W * y, vy - W * x])
+    across = flow(guess, 1e-6)[:, -1] - guess
+
+    def closes(u):
+        return np.append(flow(u[:4], u[4])[:, -1] - u[:4], across @ (u[:4] - guess) * 1e6)
+
+    u = scipy.optimize.fsolve(closes, np.append(guess, 2 * math.pi / (2 * W - Omega_2)), xtol=1e-12)
+    assert np.abs(closes(u)).max() < 1e-10
+    z = flow(u[:4], u[4], u[4] * np.arange(1024) / 1024)
+    rms = math.sqrt(np.mean(z[0] ** 2 + z[1] ** 2) / 2)
+    changes = abs((2 * W - 2 * math.pi / u[4]) / Omega_2 - 1), math.sqrt(2) * abs(tori.amplitude("rms", 0)[-1] - rms)
+    assert 1e-6 < changes[0] < 3 * tori.unknown_errors["Omega_2"] and 1e-6 < changes[1] < 3 * tori.error[-1]
+    h = 1e-6 * np.eye(4)
+    mu_cycle = np.linalg.eigvals([(flow(u[:4] + x, u[4])[:, -1] - flow(u[:4] - x, u[4])[:, -1]) / 2e-6 for x in h])
+    factor = np.abs(mu_cycle[np.abs(mu_cycle - 1) > 1e-3]).max() ** (2 * math.pi / (W * u[4]))
+    assert factor > 1 and abs(abs(tori.multipliers[-1, 0]) - factor) < tori.modulus_error[-1]
+    assert "unstable" in tori.stability
+
+
+@pytest.mark.slow
 def test_rub_with_two_loads_is_that_of_time_integration():
     second, Omega, ratio = np.array([0.02, 0.05]), 0.8, math.sqrt(2.0)
     law, damping = hb.mechanics.RadialClearance(2.0, 0.2, 0.2), 0.3
