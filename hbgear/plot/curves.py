@@ -20,7 +20,6 @@ from hbgear.common.arrays import Array
 from hbgear.common.text.messages import quoted
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Jump
-from hbgear.harmonic.bifurcations.events import named
 from hbgear.harmonic.models.frequency_units import common_scales
 from hbgear.plot.branch_sections import CONSTANT_RANGE, HEADROOM, SmoothCurve, bounded, sections
 from hbgear.plot.free_motions import with_other_kinds
@@ -37,7 +36,7 @@ from hbgear.plot.style import (
     dress,
     heighten,
     in_words,
-    legend_entry,
+    mark_special_points,
     scaled_axes,
     styled,
 )
@@ -142,7 +141,7 @@ def response(
             for jump in branch.jumps():
                 _arrow(ax, branch, jump, abscissa, height)
         if special:
-            _marks(ax, branch, abscissa, height)
+            mark_special_points(ax, branch, abscissa, height)
         _widen_constant(ax)
         _mark_infinity(ax, [branch], [color or "black"], abscissa, height, is_empty)
         _name(ax, branch, abscissa, height)
@@ -258,7 +257,7 @@ def responses(
             for landing in branch_landings:
                 _arrow(ax, branch, landing.jump, abscissa, height)
         for branch in branches:
-            _marks(ax, branch, abscissa, height, numbered=True, labelled=len(shown) == len(branches))
+            mark_special_points(ax, branch, abscissa, height, numbered=True, labelled=len(shown) == len(branches))
         _widen_constant(ax)
         _mark_infinity(ax, branches, colours, abscissa, height, is_empty)
         _name(ax, branches[0], abscissa, height)
@@ -419,31 +418,3 @@ def _arrow(ax: Axes, branch: Branch, jump: Jump, abscissa: Abscissa, height: Ord
     start, end = ((x, height.at(point, branch)) for point in (jump.before, jump.after))
     style = {"arrowstyle": "-|>", "color": "#777777", "linewidth": 0.8, "shrinkA": 3, "shrinkB": 0, "mutation_scale": 8}
     ax.annotate("", xy=end, xytext=start, arrowprops=style, zorder=3, gid="jump")
-
-
-def _marks(
-    ax: Axes, branch: Branch, abscissa: Abscissa, height: Ordinate, numbered: bool = False, labelled: bool = True
-) -> None:
-    """Draw symbols of the special points, filled if certified; all but grazing points may have labels."""
-    from hbgear.plot.labels import labels_of
-
-    labels = labels_of(ax)
-    labels.curves += 1
-    for point in map(named, branch.special):
-        x, y = point.parameters[branch.parameter], height.at(point, branch)
-        (line,) = ax.plot(
-            abscissa.at(branch, x),
-            y,
-            point.marker,
-            markersize=4.5,
-            markeredgecolor="black",
-            markerfacecolor="black" if point.certificate else "white",
-            zorder=4,
-            gid=point.label,
-            markeredgewidth=1.6 if point.certificate else 0.9,
-            label=legend_entry(point),
-        )
-        around = branch.values[max(point.index - 1, 0) : point.index + 2]
-        side = (1 if point.kind != "LP" or x >= around.mean() else -1, 0)
-        text = f"{point.label} ({labels.curves})" if numbered else point.label
-        labels.add(line, labels.curves, point.kind, text, labelled and point.kind != "GR", side)

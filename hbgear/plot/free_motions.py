@@ -18,7 +18,17 @@ from hbgear.harmonic.autonomous.tori.layout import TorusLayout
 from hbgear.harmonic.models.frequency_units import model_of, scales_at
 from hbgear.mechanics.series.measures import axis_text
 from hbgear.plot.branch_sections import sections
-from hbgear.plot.style import BRANCHES, COLOURS, LINES, add_legend, axes_or_new, dress, dress_with_speeds, styled
+from hbgear.plot.style import (
+    BRANCHES,
+    COLOURS,
+    LINES,
+    add_legend,
+    axes_or_new,
+    dress,
+    dress_with_speeds,
+    mark_special_points,
+    styled,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -222,7 +232,8 @@ def torus(
 ) -> Axes:
     """Draw an amplitude of tori over the parameter, also on the axes of a response curve.
 
-    Stable sections are solid, unstable ones dashed and undecided ones dotted.
+    Stable sections are solid, unstable ones dashed and undecided ones dotted. Folds LP and losses of smoothness SM
+    are marked.
 
     Parameters
     ----------
@@ -267,7 +278,9 @@ def torus(
     x, y = abscissa.along(tori), height.along(tori)
     with styled():
         ax = axes_or_new(ax, (4.6, 3.2))
-        for i, ((_, stable), first, last) in enumerate(sections(tori, element)):
+        parts = sections(tori, element)
+        named = next((i for i, ((_, stable), *_) in enumerate(parts) if stable is True), 0)
+        for i, ((_, stable), first, last) in enumerate(parts):
             kind, width = LINES[stable]
             line: dict[str, Any] = {
                 "color": BRANCHES[0],
@@ -279,10 +292,11 @@ def torus(
                 x[first : last + 1],
                 y[first : last + 1],
                 **(line | style),
-                label=label if label and not i else "_",
+                label=label if label and i == named else "_",
                 zorder=4,
                 gid="tori",
             )
+        mark_special_points(ax, tori, abscissa, height, kinds=("LP", "SM"))
         if is_new:
             name = _element_name(layout, element)
             physical = height.header(tori) != measure

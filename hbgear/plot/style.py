@@ -8,7 +8,7 @@ regime. The settings of matplotlib are unchanged, and matplotlib is imported onl
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
@@ -17,14 +17,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hbgear.analysis.quantities.axis_quantities import Abscissa, Ordinate
 from hbgear.analysis.quantities.length_units import in_figure
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array
 from hbgear.common.atomic_write import atomic_write
 from hbgear.common.text.messages import quoted
 from hbgear.continuation.events.event import Event
+from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import SpecialPoint
-from hbgear.harmonic.bifurcations.events import KINDS
+from hbgear.harmonic.bifurcations.events import KINDS, named
 from hbgear.harmonic.equations.layout import REGIMES, Layout
 from hbgear.harmonic.models.frequency_units import MESH, PINION
 from hbgear.mechanics.series.measures import motion_text
@@ -81,6 +83,45 @@ def legend_entry(event: Event | SpecialPoint) -> str:
     meaning = event.meaning.partition(": ")[0]
     kind = "" if meaning == event.kind else f" ({event.kind})"
     return f"{meaning}{kind}{', certified' if getattr(event, 'certificate', None) else ''}"
+
+
+def mark_special_points(
+    ax: Axes,
+    branch: Branch,
+    abscissa: Abscissa,
+    height: Ordinate,
+    numbered: bool = False,
+    labelled: bool = True,
+    kinds: Collection[str] | None = None,
+) -> None:
+    """Draw symbols of the special points of some or all kinds, filled if certified.
+
+    All but grazing points may have labels.
+    """
+    from hbgear.plot.labels import labels_of
+
+    labels = labels_of(ax)
+    labels.curves += 1
+    for point in map(named, branch.special):
+        if kinds is not None and point.kind not in kinds:
+            continue
+        x, y = point.parameters[branch.parameter], height.at(point, branch)
+        (line,) = ax.plot(
+            abscissa.at(branch, x),
+            y,
+            point.marker,
+            markersize=4.5,
+            markeredgecolor="black",
+            markerfacecolor="black" if point.certificate else "white",
+            zorder=4,
+            gid=point.label,
+            markeredgewidth=1.6 if point.certificate else 0.9,
+            label=legend_entry(point),
+        )
+        around = branch.values[max(point.index - 1, 0) : point.index + 2]
+        side = (1 if point.kind != "LP" or x >= around.mean() else -1, 0)
+        text = f"{point.label} ({labels.curves})" if numbered else point.label
+        labels.add(line, labels.curves, point.kind, text, labelled and point.kind != "GR", side)
 
 
 MARKERS = {kind: (event.marker, legend_entry(event)) for kind, event in KINDS.items()}

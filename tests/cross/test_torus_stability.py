@@ -2,6 +2,7 @@
 
 import math
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 import scipy
@@ -47,6 +48,17 @@ def test_stability_changes_at_the_folds(curve):
     assert curve.stability[first - 2] == "stable" and set(curve.stability[first + 2 : last - 1]) == {"unstable"}
     assert np.abs(curve.multipliers[[first, last], 0]) == pytest.approx(1.0, abs=1e-8)  # one multiplier is 1 at a fold
     assert [jump.after.stable for jump in curve.jumps()] == [True, True]
+
+
+def test_figures_mark_the_folds_of_tori_and_name_a_stable_line(curve):
+    ax = hb.plot.torus(curve)
+    drawn = {line.get_gid(): line for line in ax.lines}
+    for label in ("LP1", "LP2"):
+        x, y = drawn[label].get_data()
+        assert x[0] == curve[label].parameters["Omega"] and y[0] == pytest.approx(curve[label].amplitude("pp2"))
+    named = [line for line in ax.lines if line.get_label() == "quasi-periodic"]
+    assert [line.get_linestyle() for line in named] == ["-"]
+    plt.close(ax.figure)
 
 
 def test_weak_second_load_gives_the_multipliers_of_the_periodic_motion():
