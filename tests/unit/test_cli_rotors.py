@@ -60,7 +60,7 @@ def test_open_clearance_of_a_rotor_and_its_whirl(tmp_path, run):
         (["spur-pair", "--order", "shaft=x"], "'x' is not a number; give the order relative to Omega"),
         (["spur-pair", "--order", "shaft=-1"], "order 'shaft' = -1.0 must be positive"),
         (["spur-pair", "--modes", "5"], "modes = 5 is more than 1"),
-        (["spur-pair", "--from", "1", "--to", "1"], "the end of the span"),
+        (["spur-pair", "--from", "1", "--to", "1"], "are the same frequency"),
         (["spur-pair", "--plot", "x.jpg"], "x.jpg"),
         (["spur-pair", "--closed", "gapp"], "there is no element 'gapp'; did you mean 'gap'?"),
         (["spur-pair", "--closed", "gap", "--open", "gap"], "--closed gap and --open gap: give one of them"),
