@@ -1,5 +1,7 @@
 """Receptances of the linear structure at the elements, against dense solves of the whole structure."""
 
+import warnings
+
 import numpy as np
 import pytest
 from machines import cantilever
@@ -12,6 +14,7 @@ from hbgear.harmonic.structure import linear_structure
 from hbgear.harmonic.structure.linear_structure import LinearStructure, UnbalancedLoadError
 from hbgear.harmonic.structure.receptance import Receptance
 from hbgear.mechanics import Parallel, Series, model, reduce
+from hbgear.mechanics.plausibility import ImplausibleInputWarning
 from hbgear.mechanics.series.fourier import to_real
 
 H = 4
@@ -446,3 +449,28 @@ def test_modes_of_a_fine_mesh_give_its_direct_receptance(damper):
     direct = tip @ np.linalg.solve(structure.K + 1j * w * structure.C - w**2 * structure.M, tip)
     by_modes = (modes.output / (1j * w - modes.poles)) @ modes.input
     assert by_modes[0, 0] == pytest.approx(direct, rel=1e-5)
+
+
+def test_many_elements_on_a_flexible_structure_have_a_warning_of_rounding():
+    """Forces by the inverse of the receptance against the Schur complement of the dynamic stiffness."""
+    n, Omega = 100, 3.5
+    M, K = cantilever(n)
+    C, tip = 0.05 * M + 1e-3 * K, np.eye(2 * n)[-2]
+
+    def elements(step):
+        return [Element(np.eye(2 * n)[2 * i], Unilateral(k=1.0, gap=0.1)) for i in range(8, 98, step)]
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        system = System(M, C, K, elements(2), Load(cosine={1: tip}))
+        Receptance(LinearStructure(system), system, 1, 1)
+    system = System(M, C, K, elements(1), Load(cosine={1: tip}))
+    with pytest.warns(ImplausibleInputWarning, match="90 elements act so close .* rounding errors of up to 2e-05"):
+        receptance = Receptance(LinearStructure(system), system, 1, 1)
+    D, inner = K + 1j * Omega * C - Omega**2 * M, 2 * np.arange(8, 98)
+    outer = np.setdiff1d(np.arange(2 * n), inner)
+    coupling = np.linalg.solve(D[np.ix_(outer, outer)], D[np.ix_(outer, inner)])
+    d = np.linalg.solve(D, tip)[inner]
+    exact = D[np.ix_(inner, inner)] @ d - D[np.ix_(inner, outer)] @ (coupling @ d)
+    error = np.linalg.norm(receptance.at(Omega).Z[1] @ d - exact) / np.linalg.norm(exact)
+    assert 1e-9 < error < 2e-5

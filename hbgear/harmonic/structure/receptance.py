@@ -32,6 +32,7 @@ from hbgear.common.arrays import Array, ComplexArray
 from hbgear.harmonic.forces.packed_model import PackedLinearPart, split_complex
 from hbgear.harmonic.structure.linear_structure import LinearStructure
 from hbgear.mechanics.models import System
+from hbgear.mechanics.plausibility import warn
 from hbgear.mechanics.series.fourier import stretch, to_complex, to_real
 
 
@@ -288,7 +289,14 @@ def _inversion_error(poles: ComplexArray, residues: ComplexArray, independent: n
         amplification = float(np.abs(np.diag(G) * np.diag(np.linalg.inv(G))).max())
     except np.linalg.LinAlgError:
         return 0.0
-    return min(INVERSION_ROUNDING * amplification, MAX_INVERSION_ERROR)
+    error = INVERSION_ROUNDING * amplification
+    if error > WARNED_INVERSION_ERROR:
+        warn(
+            f"{len(independent)} elements act so close to each other on a flexible structure that the forces between "
+            f"both have rounding errors of up to {TOLERANCE * error:.0e}, and curves may need many small steps: "
+            "combine neighbouring elements, or give fewer of them"
+        )
+    return min(error, MAX_INVERSION_ERROR)
 
 
 INVERSION_ROUNDING = 1e-3
@@ -296,6 +304,16 @@ INVERSION_ROUNDING = 1e-3
 
 At the tolerance of 1e-10 it is 450 roundings. A beam with 20 elements has 2 to 20, and converged points should have a
 hundredth of the tolerance.
+"""
+
+TOLERANCE = 1e-10
+"""Usual tolerance of the residual [-], to which these errors refer."""
+
+WARNED_INVERSION_ERROR = 1e5
+"""Errors [-] above which there is a warning.
+
+With 90 sliders on a beam the corrector stops at 50 times the tolerance, so that the step size becomes 1e-5. With 45 the
+errors are 2e4 and the steps usual.
 """
 
 MAX_INVERSION_ERROR = 1e4
