@@ -22,7 +22,6 @@ from hbgear.plot.curves import response
 from hbgear.plot.style import GREY, add_legend, axes_or_new, dots, dress_with_speeds, styled
 from hbgear.time.attractors.bifurcation_diagram import BifurcationDiagram
 from hbgear.time.attractors.verdicts import Verdict
-from hbgear.time.frequency_sweep import Sweep
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -129,16 +128,7 @@ def bifurcation_diagram(
             else:
                 _section_lines(ax, curve, element, rate, abscissa.scale, factor)
         for verdict, colour in VERDICTS.items():
-            x, y = (
-                np.concatenate(columns)
-                for columns in zip(
-                    *(
-                        _dots(sweep, kinds == verdict, measure, element, rate)
-                        for sweep, kinds in zip(found.sweeps, found.verdicts, strict=True)
-                    ),
-                    strict=True,
-                )
-            )
+            x, y = _dots(found, verdict, measure, element, rate)
             if not len(x):
                 continue
             size = _DOT if verdict is Verdict.PERIODIC or measure else _SMALL_DOT
@@ -154,12 +144,20 @@ def bifurcation_diagram(
     return ax
 
 
-def _dots(sweep: Sweep, selected: np.ndarray, measure: str, element: int | str, rate: bool) -> tuple[Array, Array]:
-    """Return values of the parameter and heights of the points of some motions of a sweep."""
-    rows = np.flatnonzero(selected)
-    if measure:
-        return sweep.values[rows], sweep.amplitude(measure, element)[rows]
-    return sweep.section_points(rows, element, rate)
+def _dots(
+    found: BifurcationDiagram, verdict: Verdict, measure: str, element: int | str, rate: bool
+) -> tuple[Array, Array]:
+    """Return values of the parameter and heights of the points of the motions of one kind."""
+    x, y = [], []
+    for sweep, kinds in zip(found.sweeps, found.verdicts, strict=True):
+        rows = np.flatnonzero(kinds == verdict)
+        if measure:
+            points = sweep.values[rows], sweep.amplitude(measure, element)[rows]
+        else:
+            points = sweep.section_points(rows, element, rate)
+        x.append(points[0])
+        y.append(points[1])
+    return np.concatenate(x), np.concatenate(y)
 
 
 def _section_lines(ax: Axes, curve: Branch, element: int | str, rate: bool, scale: float, factor: float) -> None:
