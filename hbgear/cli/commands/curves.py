@@ -47,6 +47,9 @@ from hbgear.harmonic.equations.layout import layout_of
 from hbgear.harmonic.models.frequency_units import model_of
 from hbgear.plot.style import STYLES
 
+STEPS = hb.StepControl()
+"""Default step control of curves."""
+
 Events = Annotated[
     list[str] | None,
     typer.Option(
@@ -59,6 +62,54 @@ Events = Annotated[
 ]
 
 
+Start = Annotated[
+    str | None, typer.Option(metavar="FILE[:POINT]", help="Begin at a point (label or value) of a saved curve.")
+]
+
+TraceHarmonics = Annotated[
+    str,
+    typer.Option(
+        help="Number H of harmonics of the excitation frequency, or auto to adapt it. With --instants that of the "
+        "results, on which the curve does not depend."
+    ),
+]
+
+HarmonicsTolerance = Annotated[
+    float | None, typer.Option(help="Largest estimated error of the motion for --harmonics auto.", show_default="1e-6")
+]
+
+Orders = Annotated[
+    str, typer.Option(help="meshes: only the harmonics of each mesh of a train and their combinations; default: all.")
+]
+
+Samples = Annotated[
+    int | None, typer.Option(min=1, help="Samples N per period, at least 2H+1.", show_default="chosen from H")
+]
+
+Sampled = Annotated[
+    bool, typer.Option("--sampled", help="Sample contact forces (AFT) instead of projecting them exactly.")
+]
+
+Instants = Annotated[
+    bool, typer.Option("--instants", help="Solve in contact instants instead of harmonics: hard stops, no truncation.")
+]
+
+Stability = Annotated[bool, typer.Option("--stability/--no-stability", help="Compute Floquet multipliers and jumps.")]
+
+MaxPoints = Annotated[int, typer.Option(min=2, help="Number of points after which the trace stops.")]
+
+PredictorPoints = Annotated[
+    int, typer.Option(min=1, help="Previous points used by the Hermite predictor; 1: tangent predictor.")
+]
+
+Accuracy = Annotated[
+    float,
+    typer.Option(
+        min=0.0, help="Target relative error of special points, reached with more harmonics where needed; 0: no target."
+    ),
+]
+
+
 def trace(
     model: options.Model,
     changes: options.Changes = None,
@@ -66,56 +117,23 @@ def trace(
     last: options.Last = None,
     within: options.Within = None,
     at: options.At = None,
-    start: Annotated[
-        str | None, typer.Option(metavar="FILE[:POINT]", help="Begin at a point (label or value) of a saved curve.")
-    ] = None,
-    harmonics: Annotated[
-        str,
-        typer.Option(
-            help="Number H of harmonics of the excitation frequency, or auto to adapt it. With --instants that of the "
-            "results, on which the curve does not depend."
-        ),
-    ] = "16",
-    tolerance: Annotated[
-        float | None,
-        typer.Option(help="Largest estimated error of the motion for --harmonics auto.", show_default="1e-6"),
-    ] = None,
-    orders: Annotated[
-        str,
-        typer.Option(help="meshes: only the harmonics of each mesh of a train and their combinations; default: all."),
-    ] = "",
-    samples: Annotated[
-        int | None, typer.Option(min=1, help="Samples N per period, at least 2H+1.", show_default="chosen from H")
-    ] = None,
-    sampled: Annotated[
-        bool, typer.Option("--sampled", help="Sample contact forces (AFT) instead of projecting them exactly.")
-    ] = False,
-    instants: Annotated[
-        bool,
-        typer.Option("--instants", help="Solve in contact instants instead of harmonics: hard stops, no truncation."),
-    ] = False,
+    start: Start = None,
+    harmonics: TraceHarmonics = "16",
+    tolerance: HarmonicsTolerance = None,
+    orders: Orders = "",
+    samples: Samples = None,
+    sampled: Sampled = False,
+    instants: Instants = False,
     measure: options.ShownMeasure = None,
     element: options.Element = "0",
     dimensionless: options.Dimensionless = False,
     output: options.Output = None,
     plot: options.Figure = None,
-    stability: Annotated[
-        bool, typer.Option("--stability/--no-stability", help="Compute Floquet multipliers and jumps.")
-    ] = True,
-    max_points: Annotated[
-        int, typer.Option(min=2, help="Number of points after which the trace stops.")
-    ] = hb.StepControl().max_points,
-    predictor_points: Annotated[
-        int, typer.Option(min=1, help="Previous points used by the Hermite predictor; 1: tangent predictor.")
-    ] = hb.StepControl().predictor_points,
+    stability: Stability = True,
+    max_points: MaxPoints = STEPS.max_points,
+    predictor_points: PredictorPoints = STEPS.predictor_points,
     landing: options.Landing = "nearest",
-    accuracy: Annotated[
-        float,
-        typer.Option(
-            min=0.0,
-            help="Target relative error of special points, reached with more harmonics where needed; 0: no target.",
-        ),
-    ] = 1e-5,
+    accuracy: Accuracy = 1e-5,
     event: Events = None,
 ) -> None:
     """Trace a response curve through its folds; print its special points and jumps.
@@ -124,20 +142,8 @@ def trace(
     points. Exit codes: 0 the end was reached, 2 bad input, 3 stopped early (all traced points are saved).
     """
     machine, point, nu = _model_and_start(model, changes, start)
-    settings: dict[str, Any] = {"samples": samples, "sampled": sampled, "orders": orders or None}
-    if tolerance is not None and harmonics != "auto":
-        raise ValueError(f"--tolerance {tolerance:g} has no effect without --harmonics auto: give both or neither")
-    if instants:
-        if any(settings.values()) or harmonics == "auto":
-            raise ValueError(
-                "--instants has no samples and no choice of harmonics: leave out --sampled, --samples, --orders, and "
-                "give --harmonics as a number"
-            )
-        problem: hb.HarmonicBalance = hb.ContactInstants(machine, harmonics_of(harmonics), nu=nu)
-    else:
-        if tolerance is not None:
-            settings["tolerance"] = tolerance
-        problem = hb.HarmonicBalance(machine, harmonics_or_auto(harmonics), nu=nu, **settings)
+    settings = {"samples": samples, "sampled": sampled, "orders": orders or None}
+    problem = _problem(machine, nu, harmonics, tolerance, instants, settings)
     parameter, span, fixed = path_of(machine, within, first, last, at, has_start=point is not None)
     if point is not None:  # otherwise its parameter values would override those of --set
         fixed = {name: value for name, value in problem.parameters.items() if name != parameter} | fixed
@@ -168,6 +174,29 @@ def trace(
         print_text(f"{model}: {len(branch)} points in {seconds:.1f} s; {message_of(branch, dimensionless)}")
         show_all_branches(branch, measure, element, dimensionless=dimensionless)
     raise typer.Exit(exit_code(branch) if is_complete else STOPPED_EARLY)
+
+
+def _problem(
+    machine: hb.mechanics.Model,
+    nu: int,
+    harmonics: str,
+    tolerance: float | None,
+    instants: bool,
+    settings: dict[str, Any],
+) -> hb.HarmonicBalance:
+    """Return the harmonic balance of a model, or its equations in contact instants, which take no settings."""
+    if tolerance is not None and harmonics != "auto":
+        raise ValueError(f"--tolerance {tolerance:g} has no effect without --harmonics auto: give both or neither")
+    if instants:
+        if any(settings.values()) or harmonics == "auto":
+            raise ValueError(
+                "--instants has no samples and no choice of harmonics: leave out --sampled, --samples, --orders, and "
+                "give --harmonics as a number"
+            )
+        return hb.ContactInstants(machine, harmonics_of(harmonics), nu=nu)
+    if tolerance is not None:
+        settings = settings | {"tolerance": tolerance}
+    return hb.HarmonicBalance(machine, harmonics_or_auto(harmonics), nu=nu, **settings)
 
 
 def _model_and_start(
@@ -212,9 +241,7 @@ def extend(
     dimensionless: options.Dimensionless = False,
     output: options.Output = None,
     plot: options.Figure = None,
-    max_points: Annotated[
-        int, typer.Option(min=2, help="Largest number of points to add.")
-    ] = hb.StepControl().max_points,
+    max_points: Annotated[int, typer.Option(min=2, help="Largest number of points to add.")] = STEPS.max_points,
 ) -> None:
     """Continue the saved curves of a file from their last points; the result is the whole curves.
 

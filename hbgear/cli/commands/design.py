@@ -10,6 +10,7 @@ from typing import Annotated, Any
 import typer
 
 import hbgear as hb
+from hbgear.analysis.jump_maps import JumpMap
 from hbgear.analysis.quantities.axis_quantities import OmegaAxis
 from hbgear.analysis.summary import as_speeds, digits_of, message_of, text_at
 from hbgear.cli import complete as cli_complete
@@ -52,19 +53,6 @@ def map_command(
         jump_map = hb.jump_map(
             problem, parameter, span, frequencies=frequencies, seeds=seeds, progress=progress, known=previous
         )
-    digits = min((digits_of(fold, 6) for fold in jump_map.folds), default=6)
-    axis = OmegaAxis.of_ends(jump_map.folds, jump_map.labels.get("Omega", ""), dimensionless)
-    low, high = min(frequencies), max(frequencies)
-    leaves = {id(arm) for arm in jump_map.arms if arm.Omega.min() < low or arm.Omega.max() > high}
-    rows = [
-        [
-            f"{arm.values[0]:.{digits}g} to {arm.values[-1]:.{digits}g}",
-            " to ".join(axis.number(Omega, digits) for Omega in arm.Omega[[0, -1]]) + " *" * (id(arm) in leaves),
-            "increasing" if arm.direction > 0 else "decreasing",
-        ]
-        for arm in sorted(jump_map.arms, key=lambda arm: arm.Omega.min())
-    ]
-    unit = unit_after(problem.model, parameter)
     with outputs() as out:
         out.write(output, jump_map.export)
         if jump_map.status is hb.Status.INTERRUPTED:
@@ -78,22 +66,46 @@ def map_command(
         elif path:
             path.unlink(missing_ok=True)
         out.figure(plot, lambda drawing: drawing.jump_map(jump_map, dimensionless=dimensionless))
-        if not rows and jump_map.status.complete and not jump_map.message:
-            print(f"no jump for {parameter} between {min(span):g} and {max(span):g}{unit}")
-        elif rows:
-            headers = [parameter + (f" [{unit.strip()}]" if unit else ""), axis.name, "sweep"]
-            print_table(headers, rows, "jump curves")
-        if leaves:
-            bounds = f"{axis.number(low, digits)} to {axis.number(high, digits)}"
-            print(f"* leaves the range of the response curves, {bounds}, outside of which no other jumps are searched")
-        for cusp in jump_map.cusps:
-            print(f"a jump vanishes at {parameter} = {text_at(cusp, parameter)}{unit}, {_frequency_text(cusp, axis)}")
-        for point in (p for p in jump_map.special if p not in jump_map.cusps):
-            location = f"{parameter} = {text_at(point, parameter)}{unit}, {_frequency_text(point, axis)}"
-            print(f"{point.meaning} ({point.label}) at {location}")
-        if jump_map.status.complete and jump_map.message:
-            print_message("warning", as_speeds(jump_map.message, axis.scale) if axis.is_speed else jump_map.message)
+        _print_map(jump_map, parameter, span, frequencies, unit_after(problem.model, parameter), dimensionless)
     finish(jump_map)
+
+
+def _print_map(
+    jump_map: JumpMap,
+    parameter: str,
+    span: tuple[float, float],
+    frequencies: tuple[float, float],
+    unit: str,
+    dimensionless: bool,
+) -> None:
+    """Print the jump curves of a map, the values at which jumps vanish, and its other special points."""
+    digits = min((digits_of(fold, 6) for fold in jump_map.folds), default=6)
+    axis = OmegaAxis.of_ends(jump_map.folds, jump_map.labels.get("Omega", ""), dimensionless)
+    low, high = min(frequencies), max(frequencies)
+    leaves = {id(arm) for arm in jump_map.arms if arm.Omega.min() < low or arm.Omega.max() > high}
+    rows = [
+        [
+            f"{arm.values[0]:.{digits}g} to {arm.values[-1]:.{digits}g}",
+            " to ".join(axis.number(Omega, digits) for Omega in arm.Omega[[0, -1]]) + " *" * (id(arm) in leaves),
+            "increasing" if arm.direction > 0 else "decreasing",
+        ]
+        for arm in sorted(jump_map.arms, key=lambda arm: arm.Omega.min())
+    ]
+    if not rows and jump_map.status.complete and not jump_map.message:
+        print(f"no jump for {parameter} between {min(span):g} and {max(span):g}{unit}")
+    elif rows:
+        headers = [parameter + (f" [{unit.strip()}]" if unit else ""), axis.name, "sweep"]
+        print_table(headers, rows, "jump curves")
+    if leaves:
+        bounds = f"{axis.number(low, digits)} to {axis.number(high, digits)}"
+        print(f"* leaves the range of the response curves, {bounds}, outside of which no other jumps are searched")
+    for cusp in jump_map.cusps:
+        print(f"a jump vanishes at {parameter} = {text_at(cusp, parameter)}{unit}, {_frequency_text(cusp, axis)}")
+    for point in (p for p in jump_map.special if p not in jump_map.cusps):
+        location = f"{parameter} = {text_at(point, parameter)}{unit}, {_frequency_text(point, axis)}"
+        print(f"{point.meaning} ({point.label}) at {location}")
+    if jump_map.status.complete and jump_map.message:
+        print_message("warning", as_speeds(jump_map.message, axis.scale) if axis.is_speed else jump_map.message)
 
 
 def _frequency_text(point: hb.SpecialPoint, axis: OmegaAxis) -> str:

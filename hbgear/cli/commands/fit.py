@@ -125,37 +125,45 @@ def scatter(
         )
 
 
+Data = Annotated[
+    Path,
+    typer.Argument(
+        metavar="DATA.csv",
+        help="Columns frequency, amplitude, direction (up or down) and deviation, with units in square "
+        "brackets, such as r/min; see --column.",
+    ),
+]
+
+FreeToFit = Annotated[
+    list[str],
+    typer.Option(
+        "--free", metavar="NAME,...", help="Parameters to fit: zeta,b or, with bounds, zeta=0.01:0.2; repeatable."
+    ),
+]
+
+Columns = Annotated[
+    list[str] | None,
+    typer.Option(metavar="NAME=HEADER", help="Header of a column in the file: frequency=rpm; repeatable."),
+]
+
+FrequencyUnit = Annotated[
+    str | None,
+    typer.Option(help=f"Unit of frequencies whose column states none: {', '.join(FREQUENCIES)}.", show_default="Omega"),
+]
+
+LengthUnit = Annotated[
+    str, typer.Option(help="Unit of amplitudes whose column states none, such as um.", show_default="from the model")
+]
+
+
 def fit(
-    data: Annotated[
-        Path,
-        typer.Argument(
-            metavar="DATA.csv",
-            help="Columns frequency, amplitude, direction (up or down) and deviation, with units in square "
-            "brackets, such as r/min; see --column.",
-        ),
-    ],
+    data: Data,
     model: options.Model,
-    free: Annotated[
-        list[str],
-        typer.Option(
-            "--free", metavar="NAME,...", help="Parameters to fit: zeta,b or, with bounds, zeta=0.01:0.2; repeatable."
-        ),
-    ],
+    free: FreeToFit,
     changes: options.Changes = None,
-    column: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME=HEADER", help="Header of a column in the file: frequency=rpm; repeatable."),
-    ] = None,
-    unit: Annotated[
-        str | None,
-        typer.Option(
-            help=f"Unit of frequencies whose column states none: {', '.join(FREQUENCIES)}.", show_default="Omega"
-        ),
-    ] = None,
-    length: Annotated[
-        str,
-        typer.Option(help="Unit of amplitudes whose column states none, such as um.", show_default="from the model"),
-    ] = "",
+    column: Columns = None,
+    unit: FrequencyUnit = None,
+    length: LengthUnit = "",
     harmonics: options.Harmonics = "16",
     starts: Annotated[int, typer.Option(min=1, help="Starting points to follow if the first fits badly.")] = 3,
     output: Annotated[Path | None, options.output_option("Save the fitted curve as .npz.", ".npz")] = None,
@@ -175,6 +183,15 @@ def fit(
     )
     with bar("fit") as progress:
         result = hb.design.fit(problem_of(machine, harmonics), measured, bounds, starts=starts, progress=progress)
+    with outputs() as out:
+        out.branch(output, result.curve)
+        out.figure(plot, lambda drawing: drawing.fitted(result))
+        _print_fit(machine, measured, result)
+    finish(result)
+
+
+def _print_fit(machine: hb.mechanics.Model, measured: hb.design.Measurements, result: hb.design.Fit) -> None:
+    """Print the values, their correlations, the residuals and the warnings of a fit that began at a machine."""
     start = machine.parameters | machine.entries
     rows = [
         [
@@ -185,61 +202,68 @@ def fit(
         ]
         for name, x in result.values.items()
     ]
-    with outputs() as out:
-        out.branch(output, result.curve)
-        out.figure(plot, lambda drawing: drawing.fitted(result))
-        print_table(["", "start", "fitted", "+-"], rows, f"{len(measured)} points and {len(measured.jumps)} jumps")
-        pairs = [
-            [f"{a}, {b}", _number_or_dash(result.correlation[i, j], "+.3f")]
-            for i, a in enumerate(result.names)
-            for j, b in enumerate(result.names[:i])
-        ]
-        if pairs:
-            print_table(["", "correlation"], pairs)
-        if not math.isnan(result.mean_square):
-            print(f"root mean square of the residuals: {math.sqrt(result.mean_square):.3g} deviations")
-        if measured.assumed:
-            from hbgear.design.fitting.measurements import DEFAULT_DEVIATION
+    print_table(["", "start", "fitted", "+-"], rows, f"{len(measured)} points and {len(measured.jumps)} jumps")
+    pairs = [
+        [f"{a}, {b}", _number_or_dash(result.correlation[i, j], "+.3f")]
+        for i, a in enumerate(result.names)
+        for j, b in enumerate(result.names[:i])
+    ]
+    if pairs:
+        print_table(["", "correlation"], pairs)
+    if not math.isnan(result.mean_square):
+        print(f"root mean square of the residuals: {math.sqrt(result.mean_square):.3g} deviations")
+    if measured.assumed:
+        from hbgear.design.fitting.measurements import DEFAULT_DEVIATION
 
-            print_text(
-                f"The file has no deviations: {DEFAULT_DEVIATION:.0%} of each amplitude is assumed, and the "
-                "uncertainties follow from the residuals."
-            )
-        for warning in result.warnings:
-            print(f"warning: {warning}")
-    finish(result)
+        print_text(
+            f"The file has no deviations: {DEFAULT_DEVIATION:.0%} of each amplitude is assumed, and the "
+            "uncertainties follow from the residuals."
+        )
+    for warning in result.warnings:
+        print(f"warning: {warning}")
+
+
+FreeToChange = Annotated[
+    list[str],
+    typer.Option(
+        "--free", metavar="NAME,...", help="Parameters that may change: zeta,e_scale or zeta=0.04:0.1; repeatable."
+    ),
+]
+
+PeakLimit = Annotated[
+    str | None,
+    typer.Option(
+        metavar="LIMIT",
+        help="Limit of the highest peak, with its unit for a machine, such as 20um; default: remove all jumps.",
+    ),
+]
+
+ScatterOfDesign = Annotated[
+    list[str] | None,
+    typer.Option(metavar="NAME=DEVIATION", help="Standard deviation of a parameter, kept as a margin; repeatable."),
+]
+
+Draws = Annotated[
+    int | None, typer.Option(min=1, help="Reach the goal for this many draws of the scatter, without a margin.")
+]
+
+Fraction = Annotated[float, typer.Option(help="With --draws: fraction of the draws that must reach the goal.")]
+
+Margin = Annotated[
+    float | None, typer.Option(help="Relative distance of a parameter from the value at which a jump appears.")
+]
 
 
 def redesign(
     model: options.Model,
-    free: Annotated[
-        list[str],
-        typer.Option(
-            "--free", metavar="NAME,...", help="Parameters that may change: zeta,e_scale or zeta=0.04:0.1; repeatable."
-        ),
-    ],
-    peak: Annotated[
-        str | None,
-        typer.Option(
-            metavar="LIMIT",
-            help="Limit of the highest peak, with its unit for a machine, such as 20um; default: remove all jumps.",
-        ),
-    ] = None,
+    free: FreeToChange,
+    peak: PeakLimit = None,
     changes: options.Changes = None,
-    scatter: Annotated[
-        list[str] | None,
-        typer.Option(metavar="NAME=DEVIATION", help="Standard deviation of a parameter, kept as a margin; repeatable."),
-    ] = None,
+    scatter: ScatterOfDesign = None,
     sigmas: Annotated[float, typer.Option(min=0, help="Margin in standard deviations.")] = 2.0,
-    draws: Annotated[
-        int | None, typer.Option(min=1, help="Reach the goal for this many draws of the scatter, without a margin.")
-    ] = None,
-    fraction: Annotated[
-        float, typer.Option(help="With --draws: fraction of the draws that must reach the goal.")
-    ] = 1.0,
-    margin: Annotated[
-        float | None, typer.Option(help="Relative distance of a parameter from the value at which a jump appears.")
-    ] = None,
+    draws: Draws = None,
+    fraction: Fraction = 1.0,
+    margin: Margin = None,
     margin_in: Annotated[str, typer.Option(metavar="NAME", help="Parameter of --margin.")] = "",
     first: options.First = None,
     last: options.Last = None,
@@ -265,15 +289,13 @@ def redesign(
     if peak is None:
         goal = hb.design.no_jumps(margin or 0.0, margin_in)
     else:
-        problem.layout.check_measure(measure, element)
-        limit = amplitude_in_model(problem.model, "--peak", measure, peak, {*ranges, *spread})
-        goal = hb.design.peak_below(limit, measure, element)
+        goal = _peak_goal(problem, peak, measure, element, {*ranges, *spread})
+    sample = None
+    if draws:
+        if not spread:
+            raise ValueError("--draws needs the scatter; give --scatter NAME=DEVIATION too")
+        sample = hb.design.latin_hypercube(draws, **{name: ("normal", 0.0, s) for name, s in spread.items()})
     span = span_of(problem.model, first, last)
-    if draws and not spread:
-        raise ValueError("--draws needs the scatter; give --scatter NAME=DEVIATION too")
-    sample = (
-        hb.design.latin_hypercube(draws, **{name: ("normal", 0.0, s) for name, s in spread.items()}) if draws else None
-    )
     with bar("redesign") as progress:
         result = hb.design.redesign(
             problem,
@@ -287,22 +309,36 @@ def redesign(
             span=span,
             progress=progress,
         )
-    nominal = problem.model.parameters | problem.model.entries
-    rows = [
-        [name, f"{nominal[name]:.6g}", f"{x:.6g}", f"{result.changes[name]:+.2%}"] for name, x in result.values.items()
-    ]
     with outputs() as out:
         out.branch(output, result.curve)
         out.figure(plot, lambda drawing: drawing.response(result.curve, measure, element))
-        print_table(["", "old", "new", "change"], rows, f"root sum of squares of the changes: {result.distance:.2%}")
-        if draws:
-            print(f"{result.share:.0%} of {draws} machines drawn from the scatter reach the goal")
-        text = "no jumps" if peak is None else f"{measure} at most {peak}"
-        distance = "" if math.isnan(result.short) else f" by {result.short:.2%}"
-        print(f"the goal, {text}, is " + ("reached" if result.reached else f"missed{distance}: {result.message}"))
+        wanted = "no jumps" if peak is None else f"{measure} at most {peak}"
+        _print_redesign(problem.model, result, wanted, draws)
     if not result.status.complete:
         finish(result)
     raise typer.Exit(0 if result.reached else GOAL_MISSED)
+
+
+def _peak_goal(
+    problem: hb.HarmonicBalance, peak: str, measure: str, element: int | str, varied: set[str]
+) -> hb.design.Goal:
+    """Return the goal of --peak; ``varied`` are the parameters that change."""
+    problem.layout.check_measure(measure, element)
+    limit = amplitude_in_model(problem.model, "--peak", measure, peak, varied)
+    return hb.design.peak_below(limit, measure, element)
+
+
+def _print_redesign(model: hb.mechanics.Model, result: hb.design.Redesign, wanted: str, draws: int | None) -> None:
+    """Print the values of a redesign, their relative changes, and whether the goal is reached."""
+    nominal = model.parameters | model.entries
+    rows = [
+        [name, f"{nominal[name]:.6g}", f"{x:.6g}", f"{result.changes[name]:+.2%}"] for name, x in result.values.items()
+    ]
+    print_table(["", "old", "new", "change"], rows, f"root sum of squares of the changes: {result.distance:.2%}")
+    if draws:
+        print(f"{result.share:.0%} of {draws} machines drawn from the scatter reach the goal")
+    distance = "" if math.isnan(result.short) else f" by {result.short:.2%}"
+    print(f"the goal, {wanted}, is " + ("reached" if result.reached else f"missed{distance}: {result.message}"))
 
 
 GOAL_MISSED = 1

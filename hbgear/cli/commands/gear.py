@@ -66,55 +66,68 @@ DAMPING_RANGE = "effect of the damping ratio of the mesh, whose measured values 
 """Title of the table of damping ratios, which is printed before all results that depend on them."""
 
 
+Torque = Annotated[str, typer.Option(help="Mean torque on the pinion, such as 200Nm; negative if the wheel drives.")]
+
+Damping = Annotated[str | None, typer.Option(help="Damping ratio of the mesh.", show_default=str(DEFAULT_DAMPING))]
+
+BacklashAs = Annotated[
+    str, typer.Option("--backlash-as", help="Definition of the backlash: circumferential, normal or action.")
+]
+
+MeshModel = Annotated[
+    str | None,
+    typer.Option(
+        help="Model of the mesh: teeth (pairs of teeth with their own gaps), or one stiffness, secant or tangent.",
+        show_default="teeth",
+    ),
+]
+
+TorqueOrders = Annotated[
+    str | None,
+    typer.Option(
+        help='Harmonics of the torque by order of the pinion, such as "2: 60Nm, 1/2: 5Nm 30deg". Give few '
+        "harmonics then, such as --harmonics 4: the period has many meshes, and a curve takes minutes."
+    ),
+]
+
+Runout = Annotated[
+    str,
+    typer.Option(
+        metavar="F1,F2",
+        help="Radial run-out of pinion and wheel, or of the pinion only, such as 20um. The period "
+        "has many meshes then, as for --torque-orders.",
+    ),
+]
+
+Friction = Annotated[
+    str | None, typer.Option(help="Coefficient of friction between the teeth, such as 0.05.", show_default="0")
+]
+
+GearFigure = Annotated[
+    Path | None, options.file_option("Draw to a .png, .pdf or .svg.", FIGURES, default="gear-Z1-Z2.png")
+]
+
+
 def gear(
     z: Annotated[str, typer.Option("--z", metavar="Z1,Z2", help="Teeth of pinion and wheel; -Z2 for a ring.")],
     module: Annotated[str, typer.Option(help="Normal module, such as 3mm.")],
     width: Annotated[str, typer.Option(help="Face width, such as 20mm.")],
-    torque: Annotated[
-        str, typer.Option(help="Mean torque on the pinion, such as 200Nm; negative if the wheel drives.")
-    ],
+    torque: Torque,
     backlash: Annotated[str, typer.Option(help="Circumferential backlash on the working pitch circle, such as 80um.")],
-    damping: Annotated[
-        str | None, typer.Option(help="Damping ratio of the mesh.", show_default=str(DEFAULT_DAMPING))
-    ] = None,
+    damping: Damping = None,
     helix: Annotated[str, typer.Option(help="Helix angle of the pinion, positive right-handed.")] = "0 deg",
     pressure: Annotated[str, typer.Option(help="Normal pressure angle.")] = "20 deg",
     shift: Annotated[str, typer.Option(metavar="X1,X2", help="Profile shifts over the module.")] = "0,0",
     relief: Annotated[str, typer.Option(help="Tip relief of both gears, such as 15um.")] = "0 um",
-    measure: Annotated[
-        str, typer.Option("--backlash-as", help="Definition of the backlash: circumferential, normal or action.")
-    ] = "circumferential",
-    mesh: Annotated[
-        str | None,
-        typer.Option(
-            help="Model of the mesh: teeth (pairs of teeth with their own gaps), or one stiffness, secant or tangent.",
-            show_default="teeth",
-        ),
-    ] = None,
-    torque_orders: Annotated[
-        str | None,
-        typer.Option(
-            help='Harmonics of the torque by order of the pinion, such as "2: 60Nm, 1/2: 5Nm 30deg". Give few '
-            "harmonics then, such as --harmonics 4: the period has many meshes, and a curve takes minutes."
-        ),
-    ] = None,
-    runout: Annotated[
-        str,
-        typer.Option(
-            metavar="F1,F2",
-            help="Radial run-out of pinion and wheel, or of the pinion only, such as 20um. The period "
-            "has many meshes then, as for --torque-orders.",
-        ),
-    ] = "0 um",
-    friction: Annotated[
-        str | None, typer.Option(help="Coefficient of friction between the teeth, such as 0.05.", show_default="0")
-    ] = None,
+    measure: BacklashAs = "circumferential",
+    mesh: MeshModel = None,
+    torque_orders: TorqueOrders = None,
+    runout: Runout = "0 um",
+    friction: Friction = None,
     rack: Annotated[bool, typer.Option("--rack", help="The wheel is a rack of Z2 teeth.")] = False,
     harmonics: options.Harmonics = "24",
     output: Annotated[Path | None, options.output_option("Write the machine as .toml.", ".toml")] = None,
-    plot: Annotated[
-        Path | None, options.file_option("Draw to a .png, .pdf or .svg.", FIGURES, default="gear-Z1-Z2.png")
-    ] = None,
+    plot: GearFigure = None,
     dimensionless: options.Dimensionless = False,
 ) -> None:
     """Compute geometry, mesh stiffness, natural frequency and jump speeds of a gear pair from its drawing.

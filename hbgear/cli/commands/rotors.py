@@ -8,7 +8,7 @@ import numpy as np
 import typer
 
 import hbgear as hb
-from hbgear.analysis.campbell_diagram import whirl_word
+from hbgear.analysis.campbell_diagram import Campbell, whirl_word
 from hbgear.analysis.quantities.axis_quantities import OmegaAxis
 from hbgear.cli import options
 from hbgear.cli.output import print_table
@@ -59,35 +59,40 @@ def campbell(
         print(
             f"elements in contact: {', '.join(diagram.closed) or 'none'}; open: {', '.join(diagram.opened) or 'none'}"
         )
-        units, axis = dict(diagram.scales), OmegaAxis(diagram.scales, dimensionless=dimensionless)
-        whirls = bool(np.isfinite(diagram.whirl).any())
-        headers = [
-            "order",
-            "mode",
-            *(["Omega"] if dimensionless or not units else []),
-            *units,
-            "natural frequency" + (" [Hz]" if MESH in units else ""),
-            "damping ratio",
-            *(["whirl"] if whirls else []),
+        _print_critical_speeds(diagram, a, b, dimensionless)
+
+
+def _print_critical_speeds(diagram: Campbell, a: float, b: float, dimensionless: bool) -> None:
+    """Print a table of the critical speeds, or that no order crosses a natural frequency between a and b."""
+    units, axis = dict(diagram.scales), OmegaAxis(diagram.scales, dimensionless=dimensionless)
+    whirls = bool(np.isfinite(diagram.whirl).any())
+    headers = [
+        "order",
+        "mode",
+        *(["Omega"] if dimensionless or not units else []),
+        *units,
+        "natural frequency" + (" [Hz]" if MESH in units else ""),
+        "damping ratio",
+        *(["whirl"] if whirls else []),
+    ]
+    unit = units.get(MESH, 1.0)
+    rows = [
+        [
+            "mesh" if speed.order == "Omega" and axis.is_speed else speed.order,
+            str(speed.mode),
+            *([f"{speed.Omega:.6g}"] if dimensionless or not units else []),
+            *(f"{speed.Omega * units[name]:.6g}" for name in units),
+            f"{speed.frequency * unit:.6g}",
+            f"{speed.damping + 0.0:.4g}",
+            *([whirl_word(speed.whirl)] if whirls else []),
         ]
-        unit = units.get(MESH, 1.0)
-        rows = [
-            [
-                "mesh" if speed.order == "Omega" and axis.is_speed else speed.order,
-                str(speed.mode),
-                *([f"{speed.Omega:.6g}"] if dimensionless or not units else []),
-                *(f"{speed.Omega * units[name]:.6g}" for name in units),
-                f"{speed.frequency * unit:.6g}",
-                f"{speed.damping + 0.0:.4g}",
-                *([whirl_word(speed.whirl)] if whirls else []),
-            ]
-            for speed in diagram.critical
-        ]
-        if rows:
-            print_table(headers, rows, "critical speeds")
-        else:
-            end = axis.text(b) if axis.is_speed else f"{b:g}"
-            print(f"no order crosses a natural frequency from {axis.text(a)} to {end}")
+        for speed in diagram.critical
+    ]
+    if rows:
+        print_table(headers, rows, "critical speeds")
+    else:
+        end = axis.text(b) if axis.is_speed else f"{b:g}"
+        print(f"no order crosses a natural frequency from {axis.text(a)} to {end}")
 
 
 def _number(name: str, text: str) -> float:

@@ -27,24 +27,31 @@ SCHEDULER_TIMEOUT = 5
 """Time [s] within which a Dask scheduler must answer, and between two checks of its workers."""
 
 
+Folder = Annotated[
+    Path | None, typer.Option("-o", "--output", help="Folder for cases, table and figures.", show_default="FILE")
+]
+
+Processes = Annotated[int | None, typer.Option(min=1, help="Number of processes.", show_default="one for each core")]
+
+Dask = Annotated[
+    str | None, typer.Option(metavar="ADDRESS", help="Compute on a Dask scheduler, such as tcp://127.0.0.1:8786.")
+]
+
+Authority = Annotated[
+    Path | None, typer.Option(help="With --dask tls://...: certificates of the authority of the scheduler.")
+]
+
+Key = Annotated[Path | None, typer.Option(help="With --dask tls://...: its key.", show_default="in the certificate")]
+
+
 def study(
     file: Annotated[Path, typer.Argument(metavar="FILE.toml", help="What to vary and what to compute.")],
-    output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Folder for cases, table and figures.", show_default="FILE")
-    ] = None,
-    processes: Annotated[
-        int | None, typer.Option(min=1, help="Number of processes.", show_default="one for each core")
-    ] = None,
-    dask: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="Compute on a Dask scheduler, such as tcp://127.0.0.1:8786.")
-    ] = None,
-    tls_ca_file: Annotated[
-        Path | None, typer.Option(help="With --dask tls://...: certificates of the authority of the scheduler.")
-    ] = None,
+    output: Folder = None,
+    processes: Processes = None,
+    dask: Dask = None,
+    tls_ca_file: Authority = None,
     tls_cert: Annotated[Path | None, typer.Option(help="With --dask tls://...: certificate of this study.")] = None,
-    tls_key: Annotated[
-        Path | None, typer.Option(help="With --dask tls://...: its key.", show_default="in the certificate")
-    ] = None,
+    tls_key: Key = None,
     retry: Annotated[bool, typer.Option("--retry", help="Compute failed cases again.")] = False,
     allow_code: AllowCode = False,
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask for confirmation of many cases.")] = False,
@@ -97,17 +104,22 @@ def study(
     for case, reason in list(results.failed.items())[:5]:
         print(f"case {case} failed: {reason}")
     if results.outcome != Outcome.CANNOT_STORE:
-        try:
-            tables = [folder / "table.csv", folder / "table.npz"]
-            for path in tables:
-                results.export(path)
-            report_written(*tables, *draw_figures(results, folder))
-        except OSError as error:
-            print_message(
-                "error", f"tables and figures could not be written ({error}); the cases are kept: run the command again"
-            )
-            raise typer.Exit(STOPPED_EARLY) from None
+        _write(results, folder)
     raise typer.Exit(0 if results.outcome == Outcome.FINISHED else STOPPED_EARLY)
+
+
+def _write(results: Cases, folder: Path) -> None:
+    """Write the tables and figures of a study; end the command if they cannot be written."""
+    try:
+        tables = [folder / "table.csv", folder / "table.npz"]
+        for path in tables:
+            results.export(path)
+        report_written(*tables, *draw_figures(results, folder))
+    except OSError as error:
+        print_message(
+            "error", f"tables and figures could not be written ({error}); the cases are kept: run the command again"
+        )
+        raise typer.Exit(STOPPED_EARLY) from None
 
 
 def _print_indices(results: Cases) -> None:

@@ -68,6 +68,21 @@ def validate(
     raise typer.Exit(STOPPED_EARLY if not report.complete else 0 if report.ok else DISAGREES)
 
 
+Remaining = Annotated[float, typer.Option(help="Largest remaining distance from the steady state.")]
+
+MaxPeriods = Annotated[int, typer.Option("--max-periods", help="Periods to integrate per value at most, 20 or more.")]
+
+CurveBelow = Annotated[
+    Path | None, typer.Option("--curve", metavar="FILE", help="A saved curve to draw the sweeps on.")
+]
+
+SweepFigure = Annotated[
+    Path | None, options.file_option("Draw to a .png, .pdf or .svg.", FIGURES, default="FILE_sweep.png with --curve")
+]
+
+PoincareFigure = Annotated[Path | None, options.file_option("Draw the Poincare points against the parameter.", FIGURES)]
+
+
 def sweep(
     model: options.Model,
     changes: options.Changes = None,
@@ -78,21 +93,12 @@ def sweep(
     within: options.Within = None,
     at: options.At = None,
     count: Annotated[int, typer.Option(min=2, max=100_000, help="Number of values, the ends included.")] = 131,
-    tolerance: Annotated[float, typer.Option(help="Largest remaining distance from the steady state.")] = 1e-7,
-    max_periods: Annotated[
-        int, typer.Option("--max-periods", help="Periods to integrate per value at most, 20 or more.")
-    ] = 3000,
-    curve_file: Annotated[
-        Path | None, typer.Option("--curve", metavar="FILE", help="A saved curve to draw the sweeps on.")
-    ] = None,
+    tolerance: Remaining = 1e-7,
+    max_periods: MaxPeriods = 3000,
+    curve_file: CurveBelow = None,
     output: options.Table = None,
-    plot: Annotated[
-        Path | None,
-        options.file_option("Draw to a .png, .pdf or .svg.", FIGURES, default="FILE_sweep.png with --curve"),
-    ] = None,
-    bifurcation: Annotated[
-        Path | None, options.file_option("Draw the Poincare points against the parameter.", FIGURES)
-    ] = None,
+    plot: SweepFigure = None,
+    bifurcation: PoincareFigure = None,
     measure: options.Measure = "pp2",
     element: options.Element = "0",
     dimensionless: options.Dimensionless = False,
@@ -128,16 +134,9 @@ def sweep(
     with outputs() as out:
         if sweeps:
             out.write(output, lambda path: export(sweeps, path))
-            out.figure(
-                plot,
-                lambda drawing: drawing.sweeps(
-                    sweeps, curve, measure, element, model=machine, dimensionless=dimensionless
-                ),
-            )
-            out.figure(
-                bifurcation,
-                lambda drawing: drawing.bifurcation(sweeps, element, model=machine, dimensionless=dimensionless),
-            )
+            shown: dict[str, Any] = {"model": machine, "dimensionless": dimensionless}
+            out.figure(plot, lambda drawing: drawing.sweeps(sweeps, curve, measure, element, **shown))
+            out.figure(bifurcation, lambda drawing: drawing.bifurcation(sweeps, element, **shown))
         for s in sweeps:
             _show(s, measure, element, machine, dimensionless)
     complete = bool(sweeps) and all(s.status.complete for s in sweeps)
@@ -167,7 +166,7 @@ def basins(
             help="Element of the coordinate, by number or name; required if there are several.",
         ),
     ] = None,
-    tolerance: Annotated[float, typer.Option(help="Largest remaining distance from the steady state.")] = 1e-6,
+    tolerance: Remaining = 1e-6,
     max_periods: Annotated[
         int, typer.Option("--max-periods", min=1, help="Periods to integrate per initial state at most.")
     ] = 3000,
