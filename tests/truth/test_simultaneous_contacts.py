@@ -117,9 +117,13 @@ def velocities(curve: Any, state: Any, switches: list[int]) -> list[float]:
     return [state.value * v for v in out]
 
 
-def test_simultaneous_switches_in_any_order_take_another_contact() -> None:
-    """The first two switches of a period are in the wrong order by rounding; one of them went to the end of it."""
-    from hbgear.harmonic.instants.pattern import Switch
+@pytest.mark.parametrize("ends", [False, True], ids=["begins", "ends"])
+def test_simultaneous_switches_in_any_order_take_another_contact(ends: bool) -> None:
+    """The order of the first two switches, or of the last and the first one of the next period, is rounding.
+
+    A switch went to the other end of the period, where the contacts before it are others.
+    """
+    from hbgear.harmonic.instants.pattern import Pattern, Switch
     from hbgear.harmonic.instants.refine import with_missed_crossings
     from hbgear.harmonic.instants.sampling import MissedCrossing, sample_gaps
     from hbgear.harmonic.instants.shooting import Iterate
@@ -127,13 +131,17 @@ def test_simultaneous_switches_in_any_order_take_another_contact() -> None:
     curve = hb.trace(hb.ContactInstants(two_masses(10.0, 0.0, 0.1, 0.3), 8), "Omega", (2.2, 2.1))
     state = curve.problem.known_states.states[-1]
     iterate, ode = state.iterate, curve.problem.family("Omega", {})(state.value)
-    assert len({switch.element for switch in iterate.pattern.switches[:2]}) == 2
-    tau = iterate.tau.copy()
-    tau[1] = tau[0] - 1e-15
-    wrong = Iterate(iterate.pattern, tau, iterate.x)
-    assert not sample_gaps(ode, wrong)[1]
+    switches, tau = iterate.pattern.switches, iterate.tau.copy()
+    assert len({switch.element for switch in switches[:2]}) == 2
     t = float(tau[-1] + 0.5 * (tau[0] + math.tau - tau[-1]))
-    sign = iterate.pattern.switches[0].sign
-    added = with_missed_crossings(ode, wrong, [MissedCrossing(t - 1e-3, t + 1e-3, Switch(0, 0, sign))])
+    if ends:
+        first = iterate.pattern.contacts[0]
+        pattern = Pattern.of((*switches[1:], switches[0]), first.levels, first.section)
+        wrong = Iterate(pattern, np.append(tau[1:], tau[1] + math.tau - 1e-12), np.roll(iterate.x, -1, axis=0))
+    else:
+        tau[1] = tau[0] - 1e-15
+        wrong = Iterate(iterate.pattern, tau, iterate.x)
+    assert not sample_gaps(ode, wrong)[1]
+    added = with_missed_crossings(ode, wrong, [MissedCrossing(t - 1e-3, t + 1e-3, Switch(0, 0, switches[0].sign))])
     assert added.pattern.count == iterate.pattern.count + 2
     assert np.diff(added.tau).min() > -1e-14 and added.tau[-1] - added.tau[0] < math.tau

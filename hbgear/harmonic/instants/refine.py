@@ -285,22 +285,20 @@ def with_missed_crossings(ode: EquationsAt, iterate: Iterate, missed: list[Misse
     pattern, period = iterate.pattern, ode.period
     events = [(float(t), s, x) for t, s, x in zip(iterate.tau, pattern.switches, iterate.x, strict=True)]
     artificial = pattern.count == 1 and pattern.switches[0].is_fixed and not fixed_switches(ode.equations)
+    start = float(iterate.tau[0]) - SIMULTANEOUS_SWITCHES * period  # simultaneous switches have any order
     for begin, end, first in missed:
         end = max(end, begin + MIN_CONTACT_DURATION * period)
         last = Switch(first.element, first.breakpoint, -first.sign)
         for t, switch in ((begin, first), (end, last)):
-            events.append((t, switch, state_at(ode, iterate, t)))
+            events.append((start + (t - start) % period, switch, state_at(ode, iterate, t)))
     if artificial:
         events = events[1:]
-    start = float(iterate.tau[0]) - SIMULTANEOUS_SWITCHES * period  # simultaneous switches have any order
-    events.sort(key=lambda event: (event[0] - start) % period)
+    events.sort(key=lambda event: event[0])
     if len(events) > MAX_SWITCHES_PER_PERIOD * ode.equations.nu:
         raise _failure(f"more than {MAX_SWITCHES_PER_PERIOD} contact instants in a period (chatter)", ode.Omega)
-    tau = np.array([start + (t - start) % period for t, _, _ in events])
+    tau, switches, states = zip(*events, strict=True)
     before = pattern.contacts[-1] if not artificial else pattern.contacts[0]
-    return Iterate(
-        Pattern.of([s for _, s, _ in events], before.levels, before.section), tau, np.array([x for *_, x in events])
-    )
+    return Iterate(Pattern.of(switches, before.levels, before.section), np.array(tau), np.array(states))
 
 
 def state_at(ode: EquationsAt, iterate: Iterate, tau: float) -> Array:
