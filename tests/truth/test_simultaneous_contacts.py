@@ -75,8 +75,28 @@ def test_branch_points_next_to_grazings(machine: tuple[float, ...], span: Any, c
         assert np.abs(point.multipliers - 1).min() < 1e-3
 
 
-def branch_point(curve: Any, point: hb.SpecialPoint, k: float, gap: float, c: float, F: float, kc: float) -> float:
-    """Return Omega at the branch point near a point: instants and velocities of one mass by Newton's method."""
+@FOLLOWED
+def test_three_period_doublings_in_a_step() -> None:
+    """Closed forms of one mass and of its antisymmetric disturbance, whose multiplier passes -1 and returns.
+
+    All three points were in one step with one change of sign: the first two were not reported.
+    """
+    machine = (1965.14, 0.5, 0.0647076, 0.222913, 1.62871)
+    one = hb.trace(hb.ContactInstants(one_mass(*machine[:4]), 8), "Omega", (2.2, 0.6))
+    curve = hb.trace(hb.ContactInstants(two_masses(*machine), 8), "Omega", (2.2, 0.6))
+    doublings = [point for point in curve.special if point.kind == "PD"]
+    symmetric = [any(abs(p.parameters["Omega"] - x) < 1e-10 for x in special(one, "PD")) for p in doublings]
+    assert symmetric == [False, True, False, True]
+    for point, is_symmetric in zip(doublings, symmetric, strict=True):
+        if not is_symmetric:
+            Omega = branch_point(curve, point, *machine, unit=-1.0)
+            assert abs(point.parameters["Omega"] - Omega) < 5e-11, point
+
+
+def branch_point(
+    curve: Any, point: hb.SpecialPoint, k: float, gap: float, c: float, F: float, kc: float, unit: float = 1.0
+) -> float:
+    """Return Omega near a point where an antisymmetric multiplier is +1 or -1: instants and velocities of one mass."""
     state = curve.problem.known_states.states[point.index]
     mine = [i for i, switch in enumerate(state.pattern.switches) if switch.element == 0]
     closed, K = [state.pattern.switches[i].sign > 0 for i in mine], len(mine)
@@ -93,7 +113,7 @@ def branch_point(curve: Any, point: hb.SpecialPoint, k: float, gap: float, c: fl
             q, dq, *_ = scipy.linalg.expm(A * t) @ [gap, v[i], 1, math.cos(tau[i]), math.sin(tau[i])]
             P = scipy.linalg.expm(a * t) @ P
             R += [q - gap, dq - v[(i + 1) % K]]
-        return np.array([*R, np.linalg.det(P - np.eye(2))])
+        return np.array([*R, np.linalg.det(P - unit * np.eye(2))])
 
     # the motion between its instants in harmonics has the velocities at them, up to the error of a first guess
     u = np.concatenate([state.iterate.tau[mine], velocities(curve, state, mine), [state.value]])

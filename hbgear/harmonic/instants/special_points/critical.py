@@ -315,6 +315,9 @@ INTERIOR_FRACTIONS = (0.15, 0.5, 0.85)
 """Fractions of such a step at which test functions are evaluated; next to the ends because a multiplier that passes
 -1 or +1 there can return along another curve, with a corner where two multipliers meet."""
 
+SAME_FRACTION = 1e-3
+"""Smallest difference of two fractions of a step at which a test function is evaluated."""
+
 MAX_HALVINGS = 12
 """Number of halvings of a step in which the number of multipliers beyond -1 or +1 changes by two."""
 
@@ -330,7 +333,8 @@ def hides_two_points(
 
     A step is searched if it is long, a multiplier is near -1 or +1 and det(P -+ 1) may bend to zero, if the number of
     multipliers beyond -1 or +1 differs at its ends, or if a test function that is extrapolated from the step before
-    changes its sign in it. The point ``before`` the last one is at the distance ``step``, the next point at ``length``.
+    changes its sign in it. A long step with a special point is searched for two more of its kind. The point ``before``
+    the last one is at the distance ``step``, the next point at ``length``.
     """
     if last.state.pattern != point.state.pattern:
         return False
@@ -344,7 +348,10 @@ def hides_two_points(
                 promising.add(kind)
     interior = {s: point_between(family, last, point, s) for s in INTERIOR_FRACTIONS} if promising else {}
     samples = {0.0: last, **interior, 1.0: point}
-    if any(_passes_zero(family, samples, kind) for kind in promising):
+    if any(_passes_zero(samples, kind, lambda s: point_between(family, last, point, s)) for kind in promising):
+        return True
+    others = set(_SEARCHED_KINDS) - kinds if length > LONG_STEP else set()
+    if any(_passes_three_times(family, last, point, kind) for kind in others):
         return True
     return any(_pass_one_by_one(family, last, point, _UNIT[kind]) for kind in kinds & set(_UNIT))
 
@@ -389,14 +396,31 @@ def _may_bend(unit: float, points: tuple[ExactPoint, ExactPoint, ExactPoint], st
     return min(abs(b), abs(c)) < BEND_FACTOR * bend
 
 
-def _passes_zero(family: Family, samples: dict[float, ExactPoint], kind: str) -> bool:
-    """Return whether a test function passes zero and returns between two points.
+def _passes_three_times(family: Family, a: ExactPoint, b: ExactPoint, kind: str) -> bool:
+    """Return whether a test function that changes its sign between two points passes zero three times there.
+
+    The factor of the zero that is located first is divided out.
+    """
+    root = _locate_branch_point(family, a, b)[0] if kind == "BP" else _root(family, a, b, kind, (0.0, 1.0))
+    interior = {s: point_between(family, a, b, s) for s in INTERIOR_FRACTIONS if abs(s - root) > SAME_FRACTION}
+    return _passes_zero({0.0: a, **interior, 1.0: b}, kind, lambda s: point_between(family, a, b, s), root)
+
+
+def _passes_zero(
+    samples: dict[float, ExactPoint], kind: str, point_at: Callable[[float], ExactPoint], root: float | None = None
+) -> bool:
+    """Return whether a test function, over its factor of a known ``root``, passes zero and returns between two points.
 
     Its smallest size is approached by parabolas through three points next to the smallest; where two multipliers meet,
     it has a corner, which is approached by secants.
     """
-    sign = math.copysign(1.0, samples[0.0].test(kind))
-    values = [(s, sign * point.test(kind)) for s, point in samples.items()]
+    known = [] if root is None else [root]
+
+    def value(s: float, point: ExactPoint) -> float:
+        return point.test(kind) / (1.0 if root is None else s - root)
+
+    sign = math.copysign(1.0, value(0.0, samples[0.0]))
+    values = [(s, sign * value(s, point)) for s, point in samples.items()]
     for _ in range(MAX_PARABOLAS):
         i = min(range(len(values)), key=lambda i: values[i][1])
         if values[i][1] < 0:
@@ -405,9 +429,9 @@ def _passes_zero(family: Family, samples: dict[float, ExactPoint], kind: str) ->
         s, lowest = _minimum(*zip(*values[first : first + 3], strict=True))
         if not lowest < PROMISING_MINIMUM * values[i][1]:
             s = _zero_of_secant(values, i)
-        if not math.isfinite(s) or any(abs(s - position) < 1e-3 for position, _ in values):
+        if not math.isfinite(s) or any(abs(s - position) < SAME_FRACTION for position in [*known, *dict(values)]):
             return False
-        values = sorted([*values, (s, sign * point_between(family, samples[0.0], samples[1.0], s).test(kind))])
+        values = sorted([*values, (s, sign * value(s, point_at(s)))])
     return min(value for _, value in values) < 0
 
 
