@@ -236,7 +236,7 @@ def _has_tori(branch: Branch) -> bool:
     if not isinstance(branch.problem, HarmonicBalance):
         return True
     evaluator = branch.problem.compiled({})
-    return not (evaluator.sliders or evaluator.damped)
+    return not (evaluator.sliders or evaluator.damped or evaluator.structure.constrained)
 
 
 def reliability_lines(branch: Branch, dimensionless: bool = False) -> list[str]:

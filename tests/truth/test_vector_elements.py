@@ -416,6 +416,18 @@ def test_a_torus_is_offered_for_a_rub():
     ]
 
 
+@pytest.mark.slow
+def test_no_torus_is_offered_for_several_elements_on_one_displacement():
+    C, K = [[0.015, -0.013], [-0.013, 0.013]], [[1.0453, -0.0453], [-0.0453, 0.0453]]
+    laws = [([1.0, 0.0], 0.5), ([1.0, 0.0], 0.5), ([1.0, -1.0], 0.0042)]
+    springs = [hb.Element(w, hb.Cubic(k3)) for w, k3 in laws]
+    masses = hb.System(np.diag([1.0, 0.05]), C, K, springs, hb.Load(cosine={1: [0.13, 0.0]}))
+    curve = hb.trace(hb.HarmonicBalance(masses, 5), "Omega", (1.0, 1.15), accuracy=None)
+    assert leaving_lines(curve) == ["stability also ends at NS1, where quasi-periodic motions leave"]
+    with pytest.raises(ValueError, match="tori need elements with independent displacements"):
+        hb.analysis.torus(curve, "NS1")
+
+
 @pytest.mark.parametrize(
     ("law", "largest"),
     [
