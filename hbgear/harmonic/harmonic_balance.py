@@ -179,7 +179,8 @@ class HarmonicBalance(PeriodicMotions):
         """Return a periodic motion at Omega.
 
         Newton starts from the state of rest and the linear response about it. If that fails, from other static states,
-        with dampers parallel to the elements that are removed along a path, and from a motion at another frequency.
+        with dampers parallel to the elements that are removed along a path, and from a motion at another frequency. If
+        the motion found is unstable and there are several stable static states, a stable one across them is searched.
 
         Raises
         ------

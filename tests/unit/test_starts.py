@@ -116,6 +116,14 @@ def test_a_motion_about_rest_comes_before_saddles_far_away(F, Omega):
     assert [X[0], np.hypot(X[1], X[2])] == pytest.approx([mean, H1], abs=1e-4) and abs(X[0]) < 1e-9
 
 
+@pytest.mark.parametrize(("C", "F", "Omega"), [(0.2, 1.3, 1.5), (0.2, 1.5, 2.0), (0.1, 2.5, 1.7), (0.2, 0.8, 1.2)])
+def test_a_motion_across_both_wells_replaces_an_unstable_one(C, F, Omega):
+    """x'' + C x' - x + x^3 = F cos: curves began on unstable motions; the large motion settles from (2.5, 0)."""
+    X = hb.HarmonicBalance(oscillator(-1.0, C, hb.Cubic(k3=1.0), F=F), 20).start(Omega=Omega)
+    mean, H1 = settled(lambda x, v, t: F * math.cos(Omega * t) - C * v + x - x**3, 2.5, 0.0, Omega, 100)
+    assert [X[0], np.hypot(X[1], X[2])] == pytest.approx([mean, H1], abs=1e-6)
+
+
 @pytest.mark.parametrize("gap", [0.5, 1.5])
 def test_several_elements_on_one_mass_do_not_hide_an_unstable_state(gap):
     """x'' + .1 x' - x + x^3 with a stop: curves began on the top between both wells, which has stiffness -1."""

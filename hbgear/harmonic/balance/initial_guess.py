@@ -34,13 +34,20 @@ def find_motion(problem: Any, parameters: dict[str, float]) -> Array:
 
     Newton starts from the `initial_guesses` about stable static states, then from static states with dampers that are
     removed along a path, then about all static states, and last from a motion at another frequency. With many unknowns
-    the path follows the first guess, and no motion at another frequency is searched.
+    the path follows the first guess, and no motion at another frequency is searched. Between several stable static
+    states an unstable motion is replaced by a stable one that crosses all of them, if one is found.
 
     Raises
     ------
     NoConvergence
         If Newton converges from none of these guesses.
     """
+    X = _first_motion(problem, parameters)
+    return X if problem.size > MANY_UNKNOWNS else _across_wells(problem, parameters, X)
+
+
+def _first_motion(problem: Any, parameters: dict[str, float]) -> Array:
+    """Return the motion of the first guess from which Newton's method converges, see `find_motion`."""
     many = problem.size > MANY_UNKNOWNS
     compiled, Omega = problem.compiled(parameters), parameters["Omega"]
     stable = initial_guesses(compiled, Omega, unstable=False)
@@ -71,6 +78,47 @@ _ADVICE = (
     "there may be no stable motion of one period here, as where teeth rattle: integrate in time (hb.time.sweep), give "
     "fewer harmonics, or start at another frequency"
 )
+
+
+def _across_wells(problem: Any, parameters: dict[str, float], X: Array) -> Array:
+    """Return a stable motion across all stable static states if there are several and X is unstable; else X.
+
+    Motions within one well lose their stability where the load drives the system across the wells, and no linear
+    response is near the large motion. Its guesses are a harmonic about the middle of the states, in four phases.
+    """
+    if not _unstable(problem, parameters, X):
+        return X
+    compiled, Omega = problem.compiled(parameters), parameters["Omega"]
+    states = [static for static in static_states(compiled, Omega) if static.balanced and static.stable]
+    if len(states) < 2:
+        return X
+    ends = np.array([static.d for static in states])
+    d = linear_response(compiled, Omega, states[0])
+    driven = 1 + int(np.argmax(np.abs(d[:, 1:]).max(axis=0)))
+    for amplitude in _WELL_AMPLITUDES:
+        for phase in (1, 1j, -1, -1j):
+            d[:] = 0
+            d[:, 0], d[:, driven] = (ends.max(axis=0) + ends.min(axis=0)) / 2, amplitude * phase * np.ptp(ends, axis=0)
+            with suppress(NoConvergence):
+                Y = solve(problem, to_real(d).ravel(), parameters).X
+                if not _unstable(problem, parameters, Y):
+                    return Y
+    return X
+
+
+def _unstable(problem: Any, parameters: dict[str, float], X: Array) -> bool:
+    """Return whether a motion has a multiplier outside the unit circle; False where multipliers are not computed."""
+    try:
+        return bool(np.abs(problem.multipliers(X, **parameters)).max() > 1 + _MULTIPLIER_MARGIN)
+    except ValueError:  # too many coordinates, or measured receptances
+        return False
+
+
+_WELL_AMPLITUDES = (0.75, 1.25)
+"""Amplitudes of a guess across wells, over the distance of the outer wells: just beyond them, and far beyond."""
+
+_MULTIPLIER_MARGIN = 1e-3
+"""Distance of a multiplier from the unit circle up to which it is attributed to truncation."""
 
 
 def _solution_from_guesses(problem: Any, parameters: dict[str, float], guesses: Iterable[Array]) -> Array:
