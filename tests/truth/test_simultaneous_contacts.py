@@ -99,20 +99,31 @@ def branch_point(
     """Return Omega near a point where an antisymmetric multiplier is +1 or -1: instants and velocities of one mass."""
     state = curve.problem.known_states.states[point.index]
     mine = [i for i, switch in enumerate(state.pattern.switches) if switch.element == 0]
-    closed, K = [state.pattern.switches[i].sign > 0 for i in mine], len(mine)
+    segments = [(k * (state.pattern.switches[i].sign > 0), gap) for i in mine]
+    return critical_frequency(curve, point, mine, segments, c, F, 2 * kc, unit)
+
+
+def critical_frequency(
+    curve: Any, point: Any, mine: list[int], segments: Any, c: float, F: float, extra: float, unit: float
+) -> float:
+    """Return Omega where a disturbance with an ``extra`` stiffness of a mass has a multiplier ``unit``.
+
+    ``mine`` are the switches of the mass; ``segments`` are the stiffness of the contact after each, and its level.
+    """
+    state, K = curve.problem.known_states.states[point.index], len(mine)
 
     def equations(u: Any) -> Any:
         tau, v, Omega = u[:K], u[K : 2 * K], u[-1]
         ends, P, R = np.append(tau[1:], tau[0] + math.tau), np.eye(2), []
-        for i, touches in enumerate(closed):
+        for i, (stiffness, level) in enumerate(segments):
             A = np.zeros((5, 5))  # of q, dq/dt, 1, cos tau, sin tau
             A[0, 1], A[3, 4], A[4, 3] = 1, -Omega, Omega
-            A[1] = [-1 - touches * k, -c, touches * k * gap, F, 0]
-            a = np.array([[0, 1], [-1 - touches * k - 2 * kc, -c]])
+            A[1] = [-1 - stiffness, -c, stiffness * level, F, 0]
+            a = np.array([[0, 1], [-1 - stiffness - extra, -c]])
             t = (ends[i] - tau[i]) / Omega
-            q, dq, *_ = scipy.linalg.expm(A * t) @ [gap, v[i], 1, math.cos(tau[i]), math.sin(tau[i])]
+            q, dq, *_ = scipy.linalg.expm(A * t) @ [level, v[i], 1, math.cos(tau[i]), math.sin(tau[i])]
             P = scipy.linalg.expm(a * t) @ P
-            R += [q - gap, dq - v[(i + 1) % K]]
+            R += [q - segments[(i + 1) % K][1], dq - v[(i + 1) % K]]
         return np.array([*R, np.linalg.det(P - unit * np.eye(2))])
 
     # the motion between its instants in harmonics has the velocities at them, up to the error of a first guess
@@ -124,6 +135,29 @@ def branch_point(
         if np.abs(step).max() < 1e-11:
             return float(u[-1])
     raise AssertionError("the reference does not converge")
+
+
+@pytest.mark.parametrize("other", [1066.55, 300.0])
+def test_fold_next_to_the_grazing_of_two_stops_of_different_stiffness(other: float) -> None:
+    """Closed forms of a mass between stops at equal distances; Omega of fold and grazing differ by 1e-9 to 3e-9.
+
+    The contacts began and ended with 6e-4 rad, behind the fold, because their durations differ there.
+    """
+    k, gap, c, F = 1124.75, 0.4, 0.07977, 0.12673
+    stops = [hb.Element([side], hb.Unilateral(k=x, gap=gap)) for side, x in ((1.0, k), (-1.0, other))]
+    model = hb.System([[1.0]], [[c]], [[1.0]], stops, hb.Load(cosine={1: [F]}))
+    rising = hb.trace(hb.ContactInstants(model), "Omega", (1.143, 1.141))
+    falling = hb.trace(rising.problem, "Omega", (1.143, 1.141), start=rising[-2])
+    assert [point.kind for point in rising.special] == ["GR", "LP"]
+    assert [point.kind for point in falling.special] == ["LP", "GR"]
+    for curve in (rising, falling):
+        fold = next(point for point in curve.special if point.kind == "LP")
+        switches = curve.problem.known_states.states[fold.index].pattern.switches
+        sides = [(k, gap), (other, -gap)]
+        segments = [(sides[s.element][0] * (s.sign > 0), sides[s.element][1]) for s in switches]
+        Omega = critical_frequency(curve, fold, list(range(4)), segments, c, F, 0.0, 1.0)
+        assert abs(fold.parameters["Omega"] - Omega) < 2e-11
+        assert fold.parameters["Omega"] - curve["GR1"].parameters["Omega"] < -1e-9
 
 
 def velocities(curve: Any, state: Any, switches: list[int]) -> list[float]:

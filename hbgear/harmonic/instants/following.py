@@ -48,6 +48,7 @@ from hbgear.harmonic.instants.special_points.critical import (
     special_points,
 )
 from hbgear.harmonic.instants.special_points.grazing import (
+    EQUAL_DURATION,
     GRAZING_DURATION,
     SIMULTANEOUS_DURATION,
     Grazing,
@@ -347,6 +348,9 @@ class Follower:
             if a < SIMULTANEOUS_DURATION * period and b < a
         ]
         tied = len(point.linearised.ties) == len(short) - 1
+        shortest = min((a for _, a in short), default=math.inf)
+        if not tied and shortest > EQUAL_DURATION * period:  # contacts become equal as they vanish
+            return []
         limit = GRAZING_DURATION * period if tied else math.inf
         return [visit for visit, a in short if a < limit]
 

@@ -35,6 +35,10 @@ SIMULTANEOUS_DURATION = 1e-4
 from equations that are nearly singular: rounding of 1e-16 changes phases by 1e-16 / delta^2, which is 1e-10 here, the
 tolerance of a corrector."""
 
+EQUAL_DURATION = 1e-6
+"""Duration at which simultaneous contacts are tested for equal durations. Those of contacts of different stiffness, as
+of two stops at the same distance from a mass, become equal as they vanish: they differ by the order of their square."""
+
 MAX_GRAZING_ITERATIONS = 15
 """Largest number of Newton iterations for a grazing point."""
 
@@ -216,12 +220,14 @@ def highest_point(family: Family, state: CurveState, grazing: Grazing) -> tuple[
 
 def with_contacts(family: Family, point: GrazingPoint, scale: Array) -> tuple[CurveState, Array]:
     """Return the first state with the contacts of a grazing point, and the direction (scaled) in which they grow."""
-    if len(point.contacts) == 1:
-        return _with_short_contacts(family, point, scale, GRAZING_DURATION)[:2]
-    state, row, ties = _with_short_contacts(family, point, scale, SIMULTANEOUS_DURATION)
-    if len(ties) < len(point.contacts) - 1:
-        return state, row
-    return _with_short_contacts(family, point, scale, GRAZING_DURATION)[:2]
+    shortest = GRAZING_DURATION
+    if len(point.contacts) > 1:
+        try:
+            ties = len(_with_short_contacts(family, point, scale, EQUAL_DURATION)[2])
+        except NoConvergence:
+            ties = 0
+        shortest = GRAZING_DURATION if ties == len(point.contacts) - 1 else SIMULTANEOUS_DURATION
+    return _with_short_contacts(family, point, scale, shortest)[:2]
 
 
 def _with_short_contacts(
