@@ -52,6 +52,7 @@ REGISTRIES = {
 @pytest.fixture(autouse=True)
 def registries_are_restored():
     """Laws, events and measures that a test registers are unknown to the next one."""
+    importlib.import_module("hbgear.harmonic.bifurcations.events")  # registers the built-in events
     tables = [getattr(importlib.import_module(module), name) for module in REGISTRIES for name in REGISTRIES[module]]
     known = [dict(table) for table in tables]
     yield
