@@ -370,14 +370,14 @@ def test_a_singular_step_leads_to_the_damped_iteration():
     ("x", "left"), [(0.0, False), (0.00999, False), (0.0101, True), (-0.0101, True), (-0.00999, False)]
 )
 def test_a_point_beyond_the_ends_has_left_its_segment(x, left):
-    segment, fold = fold_of(Moved())
+    segment, _ = fold_of(Moved())
     there = RefinedLocation(segment.problem, segment.problem.at(x))
     moved = accuracy.Comparison(there.point.value, abs(x) or 1.0, lambda: there)
-    assert accuracy._left_segment(segment, fold, moved) == left
-    assert not accuracy._left_segment(segment, fold, replace(moved, distance=0.99e-3 * 0.02))
+    assert accuracy._left_segment(segment, moved) == left
+    assert not accuracy._left_segment(segment, replace(moved, distance=0.99e-3 * 0.02))
     if left:
-        assert accuracy._left_segment(segment, fold, replace(moved, distance=1.01e-3 * 0.02))
-    assert not accuracy._left_segment(segment, fold, replace(moved, locate=lambda: None))
+        assert accuracy._left_segment(segment, replace(moved, distance=1.01e-3 * 0.02))
+    assert not accuracy._left_segment(segment, replace(moved, locate=lambda: None))
 
 
 @pytest.mark.parametrize(
