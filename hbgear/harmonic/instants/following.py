@@ -224,7 +224,7 @@ class Follower:
             return
         self._add(point, length, special)
         self._search_asymptote(point)
-        vanishing = [] if self.curve.message else self._vanishing_contacts(point)
+        vanishing = [] if self.curve.message else _vanishing_contacts(self.family, point)
         if vanishing:
             self._pass_closing(point, vanishing)
 
@@ -336,23 +336,6 @@ class Follower:
         if orientation is None and grazing.gradient * scale @ point.tangent > 0:
             return ExactPoint(point.state, point.linearised, point.J, scale, -point.tangent)
         return point
-
-    def _vanishing_contacts(self, point: ExactPoint) -> list[Visit]:
-        """Return the contacts that vanish along the curve."""
-        period, pattern = self.family(point.state.value).period, point.state.pattern
-        ahead = point.state.with_z(point.state.z + 1e-3 * point.tangent * point.scale)
-        before, after = (state.iterate.visit_durations(pattern.visit_ends, period) for state in (point.state, ahead))
-        short = [
-            (visit, a)
-            for visit, a, b in zip(pattern.visits, before, after, strict=True)
-            if a < SIMULTANEOUS_DURATION * period and b < a
-        ]
-        tied = len(point.linearised.ties) == len(short) - 1
-        shortest = min((a for _, a in short), default=math.inf)
-        if not tied and shortest > EQUAL_DURATION * period:  # contacts become equal as they vanish
-            return []
-        limit = GRAZING_DURATION * period if tied else math.inf
-        return [visit for visit, a in short if a < limit]
 
     def _search_asymptote(self, point: ExactPoint) -> None:
         """End the curve if its motions grow without bound."""
@@ -557,3 +540,21 @@ class _Stop(NoConvergence):
     def __init__(self, reason: str) -> None:
         super().__init__(f"{reason}; the shortest step was tried", np.empty(0), {}, [])
         self.reason = f"{reason}; the shortest step was tried"
+
+
+def _vanishing_contacts(family: Family, point: ExactPoint) -> list[Visit]:
+    """Return the contacts that vanish along the curve."""
+    period, pattern = family(point.state.value).period, point.state.pattern
+    ahead = point.state.with_z(point.state.z + 1e-3 * point.tangent * point.scale)
+    before, after = (state.iterate.visit_durations(pattern.visit_ends, period) for state in (point.state, ahead))
+    short = [
+        (visit, a)
+        for visit, a, b in zip(pattern.visits, before, after, strict=True)
+        if a < SIMULTANEOUS_DURATION * period and b < a
+    ]
+    tied = len(point.linearised.ties) == len(short) - 1
+    shortest = min((a for _, a in short), default=math.inf)
+    if not tied and shortest > EQUAL_DURATION * period:  # contacts become equal as they vanish
+        return []
+    limit = GRAZING_DURATION * period if tied else math.inf
+    return [visit for visit, a in short if a < limit]
