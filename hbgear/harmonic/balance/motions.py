@@ -156,6 +156,11 @@ class PeriodicMotions(HarmonicEquations):
         """Meaning of each entry of `clearance`."""
         return self.threshold_names("clearance")
 
+    @property
+    def clearance_elements(self) -> tuple[int, ...]:
+        """Element to which each entry of `clearance` belongs."""
+        return tuple(j for j in self.compiled({}).element.tolist() for _ in range(2))
+
     def force_rows(self, X: Array, **parameters: float) -> Array:
         """Return the law force of each element, without its damper, as real rows (m, 2H + 1)."""
         return self.compiled(parameters).forces(X, parameters["Omega"])

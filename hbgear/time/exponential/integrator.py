@@ -204,15 +204,18 @@ class ExponentialIntegrator:
         self.rows = max(models, len(Omega))  # of the plan: 1, or 1 for each motion
         self.index = np.broadcast_to(self._models, self.rows) if models == 1 else self._models  # system of each row
         self.Omega = np.broadcast_to(Omega, self.rows).copy()
-        lowest = [self.Omega[self.index == i].min() for i in range(len(self.systems))]
-        required = map(_required_steps, self.structures, self.systems, lowest)
-        self.N = steps or self.excitation.cells(int(np.ceil(max(12.0, *required))))
+        self.N = steps or self.excitation.cells(self._default_steps())
         self.adaptive = steps is None if self._adaptive is None else self._adaptive
         counted(f"steps per period at Omega = {self.Omega.min():g}", self.N, _MAX_EXCITATION_STEPS, least=3)
         self._set_steady_part()
         self.plan, self.method, self.breakpoints = self._plan()
         self._output = np.concatenate([self.plan.output.real, -self.plan.output.imag], axis=2)
         self.steps = Steps.of(self.plan, self.method, self.breakpoints, self.N)
+
+    def _default_steps(self) -> int:
+        """Return the steps per period that resolve the contact stiffness and the excitation."""
+        lowest = [self.Omega[self.index == i].min() for i in range(len(self.systems))]
+        return int(np.ceil(max(12.0, *map(_required_steps, self.structures, self.systems, lowest))))
 
     def _set_steady_part(self) -> None:
         """Store z_steady (rows, 2 q) at tau = 0, and the harmonics of its d and v (rows, L + 1, 2 m)."""
