@@ -29,6 +29,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
+from hbgear.continuation.solvers.newton import NewtonSettings
 from hbgear.harmonic.forces.packed_model import PackedLinearPart, split_complex
 from hbgear.harmonic.structure.linear_structure import LinearStructure
 from hbgear.mechanics.models import System
@@ -291,9 +292,10 @@ def _inversion_error(poles: ComplexArray, residues: ComplexArray, independent: n
         return 0.0
     error = INVERSION_ROUNDING * amplification
     if error > WARNED_INVERSION_ERROR:
+        rounding = NewtonSettings().tolerance * error
         warn(
             f"{len(independent)} elements act so close to each other on a flexible structure that the forces between "
-            f"both have rounding errors of up to {TOLERANCE * error:.0e}, and curves may need many small steps: "
+            f"both have rounding errors of up to {rounding:.0e}, and curves may need many small steps: "
             "combine neighbouring elements, or give fewer of them"
         )
     return min(error, MAX_INVERSION_ERROR)
@@ -305,9 +307,6 @@ INVERSION_ROUNDING = 1e-3
 At the tolerance of 1e-10 it is 450 roundings. A beam with 20 elements has 2 to 20, and converged points should have a
 hundredth of the tolerance.
 """
-
-TOLERANCE = 1e-10
-"""Usual tolerance of the residual [-], to which these errors refer."""
 
 WARNED_INVERSION_ERROR = 1e5
 """Errors [-] above which there is a warning.

@@ -87,6 +87,11 @@ class TorusBasis:
             np.maximum(np.maximum(np.abs(k1) / self.H1, k2 / self.H2), np.abs(k1 + k2 * self.ratio) / self.band)
         )
 
+    def periodic(self, count: int) -> tuple[np.ndarray, np.ndarray]:
+        """Return the positions of the indices (k_1, 0), k_1 < count, of the first phase alone, and their k_1."""
+        positions = np.flatnonzero((self.k[:, 1] == 0) & (self.k[:, 0] < count))
+        return positions, self.k[positions, 0]
+
     @property
     def outermost(self) -> np.ndarray:
         """Whether an index (K,) lies in the outermost tenth of the diamond or the band, or the last two steps."""

@@ -175,8 +175,8 @@ def _linear_torus(
     problem = TorusProblem(balance, TorusBasis(*harmonics, dense=dense))
     basis, periodic = problem.basis, to_complex(balance.rows(X))
     c = np.zeros((balance.m, len(basis.k)), dtype=complex)
-    present = np.flatnonzero((basis.k[:, 1] == 0) & (basis.k[:, 0] <= balance.H))
-    c[:, present] = periodic[:, basis.k[present, 0]]
+    positions, orders = basis.periodic(balance.H + 1)
+    c[:, positions] = periodic[:, orders]
     base, rotating = basis.to_real(c), np.zeros_like(c)
     rotating[:, basis.k[:, 1] == 1] = 1.0 - 1.0j
     moving = np.flatnonzero(basis.to_real(rotating))

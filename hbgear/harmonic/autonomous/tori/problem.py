@@ -330,8 +330,7 @@ class TorusProblem(ContinuationProblem):
         u = (self.forces(evaluator, c, w).p - structure.kr[:, None] * c).T
         rhs = -(u @ structure.W.T)
         F, e = receptance.loads(parameters["Omega"]), receptance.e
-        for i in np.flatnonzero((basis.k[:, 1] == 0) & (basis.k[:, 0] < len(F))):
-            order = basis.k[i, 0]
+        for i, order in zip(*basis.periodic(len(F)), strict=True):
             rhs[i] += F[order] + ((structure.kr + 1j * w[i] * structure.c) * e[order]) @ structure.W.T
         rhs += self._second_loads(parameters)
         return np.array([structure.solve(wk, rhs[i][:, None])[:, 0] for i, wk in enumerate(w)]).T
@@ -355,10 +354,10 @@ class TorusProblem(ContinuationProblem):
 
 def _constants(basis: TorusBasis, evaluator: Evaluator, Omega: float) -> tuple[ComplexArray, ComplexArray]:
     """Return g and its derivative in Omega, (m, K) each."""
-    linear, k = evaluator.linear(Omega), basis.k
-    out = np.zeros((2, evaluator.m, len(k)), dtype=complex)
-    periodic = np.flatnonzero((k[:, 1] == 0) & (k[:, 0] < linear.constants.shape[1]))
-    out[:, :, periodic] = linear.constants[:, k[periodic, 0]].transpose(0, 2, 1)
+    constants = evaluator.linear(Omega).constants
+    out = np.zeros((2, evaluator.m, len(basis.k)), dtype=complex)
+    positions, orders = basis.periodic(constants.shape[1])
+    out[:, :, positions] = constants[:, orders].transpose(0, 2, 1)
     return out[0], out[1]
 
 

@@ -216,9 +216,8 @@ class TwoToneProblem(TorusProblem):
         """Return the mean and the linear response to both excitations."""
         c = np.zeros((self.balance.m, len(self.basis.k)), dtype=complex)
         rows = to_complex(self.balance.rows(self.balance.start(**parameters)))
-        for i, (k1, k2) in enumerate(self.basis.k.tolist()):
-            if k2 == 0 and k1 < rows.shape[1]:
-                c[:, i] = rows[:, k1]
+        positions, orders = self.basis.periodic(rows.shape[1])
+        c[:, positions] = rows[:, orders]
         Omega_2 = self.ratio * parameters["Omega"] / self.balance.nu
         c += self._second_response({**parameters, SECOND: Omega_2})
         return np.append(self.basis.to_real(c).ravel(), Omega_2)
