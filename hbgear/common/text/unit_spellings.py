@@ -8,48 +8,24 @@ from __future__ import annotations
 import re
 import unicodedata
 
-_SPELLINGS = {
-    "hz": "Hz",
-    "khz": "kHz",
-    "cps": "Hz",
-    "cycle/s": "Hz",
-    "cycles/s": "Hz",
-    "rpm": "r/min",
-    "1/min": "r/min",
-    "/min": "r/min",
-    "min^-1": "r/min",
-    "min-1": "r/min",
-    "u/min": "r/min",
-    "rev/min": "r/min",
-    "tr/min": "r/min",
-    "cpm": "r/min",
-    "r/min": "r/min",
-    "rps": "r/s",
-    "rev/s": "r/s",
-    "u/s": "r/s",
-    "r/s": "r/s",
-    "rad/s": "rad/s",
-    "rad/sec": "rad/s",
-    "rad s^-1": "rad/s",
-    "rad*s^-1": "rad/s",
-    "krad/s": "krad/s",
-    "deg/s": "deg/s",
-    "degree": "deg",
-    "degrees": "deg",
-    "grad": "grad",
-    "deg": "deg",
-    "rad": "rad",
-    "radian": "rad",
-    "radians": "rad",
-    "mrad": "mrad",
-    "cycle": "cycle",
-    "cycles": "cycle",
-    "-": "",
-    "1": "",
-    "none": "",
-    "": "",
+_SPELLINGS: dict[str, tuple[str, ...]] = {
+    "Hz": ("cps", "cycle/s", "cycles/s"),
+    "kHz": (),
+    "r/min": ("rpm", "1/min", "/min", "min^-1", "min-1", "u/min", "rev/min", "tr/min", "cpm"),
+    "r/s": ("rps", "rev/s", "u/s"),
+    "rad/s": ("rad/sec", "rad s^-1", "rad*s^-1"),
+    "krad/s": (),
+    "deg/s": (),
+    "deg": ("degree", "degrees"),
+    "grad": (),
+    "rad": ("radian", "radians"),
+    "mrad": (),
+    "cycle": ("cycles",),
+    "": ("-", "1", "none"),
 }
-"""Other spellings of a unit, in lower case."""
+"""Other spellings of each unit, in lower case."""
+
+_UNITS = {spelling.casefold(): unit for unit, others in _SPELLINGS.items() for spelling in (unit, *others)}
 
 _CASE_SENSITIVE = {"mHz", "MHz"}
 """Units that differ in case only."""
@@ -69,4 +45,4 @@ def plain_unit(text: str) -> str:
     text = re.sub(r"\s*/\s*", "/", text)
     text = re.sub(r"^\(([^()]*)\)", r"\1", text)
     text = re.sub(r"/\s*\(([^()]*)\)", lambda match: "/" + re.sub(r"\s*[* ]\s*", "/", match[1].strip()), text)
-    return text if text in _CASE_SENSITIVE else _SPELLINGS.get(text.casefold(), text)
+    return text if text in _CASE_SENSITIVE else _UNITS.get(text.casefold(), text)

@@ -24,6 +24,7 @@ _DIRECTIONS = {
 _SPEEDS = ("n", "speed", "pinion", "pinion speed", "rotational speed", "shaft speed")
 _TRANSMISSION_ERRORS = ("dte", "dte, half peak to peak", "te", "transmission error", "dynamic transmission error")
 _PP2 = "half peak to peak"  # as in headings of `hbgear.analysis.machine_quantities`
+_DISPLACEMENTS = ("amplitude", "a", "x", "d", "y", "displacement", f"displacement, {_PP2}", "gap", _PP2)
 _COLUMN_UNITS = {"Omega": "", MESH: "Hz", PINION: "r/min"}
 
 
@@ -38,41 +39,16 @@ def _is_deviation(unit: str) -> bool:
 KINDS = (
     Kind(
         "frequency",
-        {
-            "frequency": "",
-            "freq": "",
-            "f": "",
-            "Omega": "",
-            "omega": None,
-            "angular frequency": None,
-            "mesh": None,
-            "mesh frequency": None,
-            "excitation frequency": None,
-            "Hz": "Hz",
-            "rpm": "r/min",
-            **dict.fromkeys(_SPEEDS),
-        },
+        dict.fromkeys(("frequency", "freq", "f", "Omega"), "")
+        | dict.fromkeys(("omega", "angular frequency", "mesh", "mesh frequency", "excitation frequency"))
+        | {"Hz": "Hz", "rpm": "r/min"}
+        | dict.fromkeys(_SPEEDS),
         lambda unit: unit == "" or unit in FREQUENCY,
         f"{', '.join(FREQUENCY)}, - (Omega)",
     ),
     Kind(
         "amplitude",
-        dict.fromkeys(
-            (
-                "amplitude",
-                "a",
-                "x",
-                "d",
-                "y",
-                "displacement",
-                f"displacement, {_PP2}",
-                "gap",
-                _PP2,
-                *_TRANSMISSION_ERRORS,
-                *BUILT_IN_MEASURES,
-            ),
-            "",
-        ),
+        dict.fromkeys((*_DISPLACEMENTS, *_TRANSMISSION_ERRORS, *BUILT_IN_MEASURES), ""),
         _is_length,
         "um, mm, m, - (unit of the model)",
     ),

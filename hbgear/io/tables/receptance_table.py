@@ -37,25 +37,14 @@ def _is_magnitude(unit: str) -> bool:
     return _is_size(unit) or _level(unit) is not None
 
 
-_SPEEDS = {"n": None, "speed": None, "rotational speed": None, "shaft speed": None}
 KINDS = (
     Kind(
         "frequency",
-        {
-            "frequency": "Hz",
-            "freq": "Hz",
-            "f": "Hz",
-            "hz": "Hz",
-            "khz": "kHz",
-            "omega": "rad/s",
-            "Omega": "rad/s",
-            "w": "rad/s",
-            "ω": "rad/s",
-            "angular frequency": "rad/s",
-            "circular frequency": "rad/s",
-            "rpm": "r/min",
-            **_SPEEDS,
-        },
+        dict.fromkeys(("frequency", "freq", "f", "hz"), "Hz")
+        | {"khz": "kHz"}
+        | dict.fromkeys(("omega", "Omega", "w", "ω", "angular frequency", "circular frequency"), "rad/s")
+        | {"rpm": "r/min"}
+        | dict.fromkeys(("n", "speed", "rotational speed", "shaft speed")),
         FREQUENCY.__contains__,
         ", ".join(FREQUENCY),
     ),
