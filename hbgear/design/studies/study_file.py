@@ -25,7 +25,7 @@ from hbgear.design.studies.case_work import check_work
 from hbgear.design.studies.samples import METHODS, Grid, Sample, distribution, grid
 from hbgear.harmonic.models.frequency_units import Omega_of
 from hbgear.harmonic.models.model_registry import model_class
-from hbgear.io.machines.toml_file import KeyPath, TomlFileError, exactly, located, parsed, validation_problems
+from hbgear.io.machines.toml_file import KeyPath, TomlFileError, located, parsed, strict_schema, validation_problems
 from hbgear.mechanics.fields import defaults_of, entries_among, made, plain_kinds_of, required_of
 from hbgear.mechanics.models import Model
 
@@ -161,49 +161,38 @@ def _schema(subject: _Subject | None) -> Any:
     """Return the schema of the file as a model of pydantic; its tables have the parameters of the subject."""
     from pydantic import AfterValidator, ConfigDict, Field, create_model
 
-    strict = exactly()
-
-    def table(title: str, fields: dict[str, Any]) -> Any:
-        return create_model(title, __config__=strict, **fields)
-
-    loose = ConfigDict(extra="allow")
     if subject is None:
-        base = several = random = create_model("any", __config__=loose)
+        base = several = random = create_model("any", __config__=ConfigDict(extra="allow"))
     else:
         kinds, model = subject.kinds, subject.model
         drawn = {n: Annotated[list[str | float], AfterValidator(partial(_distribution, n, model))] for n in kinds}
-        base = table("base", {n: (k, None) for n, k in kinds.items()})
-        several = table("grid", {n: (Annotated[list[k], Field(min_length=1)], None) for n, k in kinds.items()})  # type: ignore[valid-type]
-        random = table("parameters", {n: (drawn[n], None) for n, k in kinds.items() if _is_float(k)})
-    sample = table(
+        base = strict_schema("base", **{n: (k, None) for n, k in kinds.items()})
+        lists = {n: Annotated[list[k], Field(min_length=1)] for n, k in kinds.items()}  # type: ignore[valid-type]
+        several = strict_schema("grid", **{n: (k, None) for n, k in lists.items()})
+        random = strict_schema("parameters", **{n: (drawn[n], None) for n, k in kinds.items() if _is_float(k)})
+    sample = strict_schema(
         "sample",
-        {
-            "method": (Literal[METHODS], METHODS[0]),
-            "count": (Annotated[int, Field(ge=1)], ...),
-            "seed": (Annotated[int, Field(ge=0)], 0),
-            "parameters": (random, ...),
-        },
+        method=(Literal[METHODS], METHODS[0]),
+        count=(Annotated[int, Field(ge=1)], ...),
+        seed=(Annotated[int, Field(ge=0)], 0),
+        parameters=(random, ...),
     )
-    compute = table(
+    compute = strict_schema(
         "compute",
-        {
-            "what": (list[Literal[KINDS]], ["peak", "jumps"]),  # type: ignore[valid-type]
-            "critical": (list[str], []),
-            "harmonics": (Annotated[int, Field(ge=1)], 16),
-            "span": (Annotated[list[Annotated[float, Field(gt=0)] | str], Field(min_length=2, max_length=2)], None),
-            "measure": (str, "pp2"),
-            "element": (int | str, 0),
-        },
+        what=(list[Literal[KINDS]], ["peak", "jumps"]),  # type: ignore[valid-type]
+        critical=(list[str], []),
+        harmonics=(Annotated[int, Field(ge=1)], 16),
+        span=(Annotated[list[Annotated[float, Field(gt=0)] | str], Field(min_length=2, max_length=2)], None),
+        measure=(str, "pp2"),
+        element=(int | str, 0),
     )
-    return table(
+    return strict_schema(
         "study",
-        {
-            "model": (str, ...),
-            "base": (base, base()),
-            "grid": (several, None),
-            "sample": (sample, None),
-            "compute": (compute, compute()),
-        },
+        model=(str, ...),
+        base=(base, base()),
+        grid=(several, None),
+        sample=(sample, None),
+        compute=(compute, compute()),
     )
 
 

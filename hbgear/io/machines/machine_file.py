@@ -40,7 +40,19 @@ from hbgear.gears.pairs.drawn_pair import DrawnPair
 from hbgear.gears.pairs.pair_models import DAMPING
 from hbgear.gears.pairs.support import Support
 from hbgear.gears.torque_orders import TorqueOrders, effective_torque, torque_orders
-from hbgear.io.machines.toml_file import KeyPath, Problems, bare, constructed, exactly, form, read_checked
+from hbgear.io.machines.toml_file import (
+    MESH_MODEL,
+    QUANTITY,
+    TORQUE_ORDERS,
+    KeyPath,
+    Problems,
+    bare,
+    constructed,
+    form,
+    read_checked,
+    recorded,
+    strict_schema,
+)
 from hbgear.io.tables.mesh_table import read_mesh_table
 
 _SHARED = ("module", "face_width", "pressure_angle", "addendum", "dedendum", "fillet_radius", "E", "poisson", "density")
@@ -153,144 +165,88 @@ def read_machine(path: str | os.PathLike[str]) -> Machine:
     return read_checked(path, "a machine", _schema(), _machine)
 
 
-def _machine(data: Mapping[str, Any], folder: Path, problems: Problems) -> Machine | None:
-    return _Reader(problems, folder).machine(data)
-
-
 @defer_signals()  # pydantic panics on Ctrl-C while it creates a model
 def _schema() -> Any:
     """Return the schema of the file, a pydantic model."""
-    from pydantic import create_model
-
-    strict = exactly()
-
-    def table(title: str, cls: type, required: tuple[str, ...], excluded: tuple[str, ...] = ()) -> Any:
-        return form(title, cls, _KINDS, required, excluded)
-
-    support = table("support", Support, ("stiffness",))
-    supports = create_model("supports", __config__=strict, pinion=(support, ...), wheel=(support, ...))
-    mesh = create_model("mesh", __config__=strict, stiffness=(str, ...), error=(str, None), static_error=(str, None))
-    keys: dict[str, Any] = {
-        "torque": (str | float, ...),
-        "damping": (str | float, ...),
-        "form": (_KINDS["form"], None),
-        "mesh_model": (_KINDS["mesh_model"], None),
-        "torque_orders": (TORQUE_ORDERS, ()),
-        "friction": (float | table("friction", BenedictKelley, ("viscosity", "speed")), 0.0),
-        "pinion": (table("pinion", Gear, ("teeth", "module", "face_width")), ...),
-        "wheel": (table("wheel", Gear, ("teeth",)), ...),
-        "pair": (table("pair", GearPair, (), ("pinion", "wheel")), None),
-        "support": (supports, None),
-        "mesh": (mesh, None),
-    }
-    return create_model("machine", __config__=strict, **keys)
+    support = form("support", Support, ("stiffness",))
+    mesh = strict_schema("mesh", stiffness=(str, ...), error=(str, None), static_error=(str, None))
+    return strict_schema(
+        "machine",
+        torque=(QUANTITY, ...),
+        damping=(QUANTITY, ...),
+        form=(Literal["torsion", "bearings", "spatial"], None),
+        mesh_model=(MESH_MODEL, None),
+        torque_orders=(TORQUE_ORDERS, ()),
+        friction=(float | form("friction", BenedictKelley, ("viscosity", "speed")), 0.0),
+        pinion=(form("pinion", Gear, ("teeth", "module", "face_width")), ...),
+        wheel=(form("wheel", Gear, ("teeth",)), ...),
+        pair=(form("pair", GearPair, (), ("pinion", "wheel")), None),
+        support=(strict_schema("supports", pinion=(support, ...), wheel=(support, ...)), None),
+        mesh=(mesh, None),
+    )
 
 
-_KINDS: dict[str, Any] = {
-    "teeth": int,
-    "internal": bool,
-    "rack": bool,
-    "pitch_errors": list[str | float],
-    "backlash_measure": Literal["circumferential", "normal", "action"],
-    "form": Literal["torsion", "bearings", "spatial"],
-    "mesh_model": Literal["teeth", "secant", "tangent"],
-}
+def _machine(data: Mapping[str, Any], folder: Path, problems: Problems) -> Machine | None:
+    """Return the machine; None if a value was refused, which is recorded."""
+    torque, damping = (_read(field, data[field.name], problems) for field in (_TORQUE, DAMPING))
+    pinion = constructed(problems, ("pinion",), Gear, data["pinion"])
+    wheel = None if pinion is None else constructed(problems, ("wheel",), Gear, _completed(pinion, data["wheel"]))
+    supports = [
+        constructed(problems, ("support", name), Support, table) for name, table in data.get("support", {}).items()
+    ]
+    orders: TorqueOrders = ()
+    with recorded(problems, ("torque_orders",)):
+        orders = torque_orders("the machine", data.get("torque_orders", ()))
+    friction = _friction(data.get("friction", 0.0), problems)
+    if pinion is None or wheel is None:
+        return None
+    pair = constructed(problems, ("pair",), GearPair, {"pinion": pinion, "wheel": wheel, **data.get("pair", {})})
+    cycle = None
+    if pair is not None and "mesh" in data:
+        force = pair.transverse_force(effective_torque(torque, orders))
+        cycle = _cycle(data["mesh"], folder, force, problems)
+    if problems or pair is None:
+        return None
+    support_pair: Any = tuple(supports) or None
+    machine_form = data.get("form", "torsion")
+    machine = Machine(
+        pair, torque, damping, machine_form, support_pair, cycle, data.get("mesh_model"), orders, friction
+    )
+    try:
+        machine.model()
+    except ValueError as error:
+        problems.append((_key_path_of_error(str(error), data), bare(error)))
+    return None if problems else machine
 
 
-TORQUE_ORDERS = dict[str, str | float | list[str | float]]
-"""Type of a table of torque orders: amplitude, or amplitude and phase, by order."""
+def _friction(value: Any, problems: Problems) -> Friction:
+    if isinstance(value, Mapping):
+        film: Friction | None = constructed(problems, ("friction",), BenedictKelley, value)
+        return film or 0.0
+    return _read(COEFFICIENT, value, problems)
 
 
-class _Reader:
-    """Makes objects from checked tables, and records refused values with their keys."""
+def _read(field: QuantityField, value: Any, problems: Problems) -> float:
+    with recorded(problems, (field.name,)):
+        return field.read("the machine", value)
+    return 0.0
 
-    def __init__(self, problems: Problems, folder: Path) -> None:
-        self.problems, self.folder = problems, folder
 
-    def machine(self, data: Mapping[str, Any]) -> Machine | None:
-        """Return the machine; None if a value was refused."""
-        quantities = {
-            name: self._read(quantity, ("",), data[name])
-            for name, quantity in (("torque", _TORQUE), ("damping", DAMPING))
-        }
-        pinion = self._constructed(("pinion",), Gear, data["pinion"])
-        wheel = None if pinion is None else self._constructed(("wheel",), Gear, _completed(pinion, data["wheel"]))
-        supports = [
-            self._constructed(("support", name), Support, table) for name, table in data.get("support", {}).items()
-        ]
-        orders = self._orders(data.get("torque_orders", ()))
-        friction = self._friction(data.get("friction", 0.0))
-        if pinion is None or wheel is None:
-            return None
-        pair = self._constructed(("pair",), GearPair, {"pinion": pinion, "wheel": wheel, **data.get("pair", {})})
-        cycle = (
-            None
-            if pair is None
-            else self._cycle(data.get("mesh"), pair.transverse_force(effective_torque(quantities["torque"], orders)))
-        )
-        if self.problems or pair is None:
-            return None
-        support_pair: Any = tuple(supports) or None
-        machine = Machine(
-            pair,
-            quantities["torque"],
-            quantities["damping"],
-            data.get("form", "torsion"),
-            support_pair,
-            cycle,
-            data.get("mesh_model"),
-            orders,
-            friction,
-        )
-        try:
-            machine.model()
-        except ValueError as error:
-            self.problems.append((_key_path_of_error(str(error), data), bare(error)))
-        return None if self.problems else machine
-
-    def _orders(self, orders: Any) -> TorqueOrders:
-        try:
-            return torque_orders("the machine", orders)
-        except ValueError as error:
-            self.problems.append((("torque_orders",), bare(error)))
-            return ()
-
-    def _friction(self, value: Any) -> Friction:
-        if isinstance(value, Mapping):
-            film: Friction | None = self._constructed(("friction",), BenedictKelley, value)
-            return film or 0.0
-        return self._read(COEFFICIENT, ("",), value)
-
-    def _read(self, field: QuantityField, key_path: KeyPath, value: Any) -> float:
-        try:
-            return field.read("the machine", value)
-        except ValueError as error:
-            self.problems.append(((field.name,), bare(error)))
-            return 0.0
-
-    def _constructed(self, key_path: KeyPath, cls: type, values: Mapping[str, Any]) -> Any:
-        """Return an instance; None if a value was refused, which is recorded."""
-        return constructed(self.problems, key_path, cls, values)
-
-    def _cycle(self, table: Mapping[str, str] | None, force: float) -> MeshCycle | None:
-        """Return the mesh cycle of the tables that a file names; None without tables."""
-        if table is None:
-            return None
-        try:
-            stiffness = read_mesh_table(self.folder / table["stiffness"])
-            if "static_error" in table:
-                if "error" in table:
-                    raise ValueError("error and static_error are both given; keep the error without or under load")
-                return MeshCycle.loaded(
-                    stiffness, read_mesh_table(self.folder / table["static_error"], unit="m"), force
-                )
-            error = MeshTable([0.0, 1.0], [0.0, 0.0])
+def _cycle(table: Mapping[str, str], folder: Path, force: float, problems: Problems) -> MeshCycle | None:
+    """Return the mesh cycle of the tables that a file names."""
+    try:
+        stiffness = read_mesh_table(folder / table["stiffness"])
+        if "static_error" in table:
             if "error" in table:
-                error = read_mesh_table(self.folder / table["error"], unit="m")
-            return MeshCycle(stiffness, error)
-        except (ValueError, OSError) as refusal:
-            self.problems.append((("mesh",), str(refusal)))
-            return None
+                raise ValueError("error and static_error are both given; keep the error without or under load")
+            return MeshCycle.loaded(stiffness, read_mesh_table(folder / table["static_error"], unit="m"), force)
+        error = MeshTable([0.0, 1.0], [0.0, 0.0])
+        if "error" in table:
+            error = read_mesh_table(folder / table["error"], unit="m")
+        return MeshCycle(stiffness, error)
+    except (ValueError, OSError) as refusal:
+        problems.append((("mesh",), str(refusal)))
+        return None
 
 
 def _completed(pinion: Gear, wheel: Mapping[str, Any]) -> dict[str, Any]:

@@ -35,7 +35,7 @@ import numpy as np
 from hbgear.common.arrays import Array
 from hbgear.common.process.signals import defer_signals
 from hbgear.common.text.messages import did_you_mean, quoted
-from hbgear.io.machines.toml_file import KeyPath, Problems, exactly, read_checked
+from hbgear.io.machines.toml_file import KeyPath, Problems, read_checked, strict_schema
 from hbgear.io.matrices import NAMES, Matrices, from_matrices
 from hbgear.io.receptance_files import from_receptances
 from hbgear.mechanics.function_model import SystemOfLaws
@@ -87,59 +87,44 @@ def read_structure(path: str | os.PathLike[str]) -> System:
 @defer_signals()  # pydantic panics on Ctrl-C while it creates a model
 def _schema() -> Any:
     """Return the schema of the file, a pydantic model."""
-    from pydantic import BeforeValidator, create_model
+    from pydantic import BeforeValidator
 
-    strict: Any = exactly()
-    vector: Any = Annotated[Any, BeforeValidator(_vector)]
-    direction: Any = Annotated[Any, BeforeValidator(_direction)]
-    quantity: Any = Literal["receptance", "mobility", "accelerance"]
-    matrix_keys: dict[str, Any] = dict.fromkeys(NAMES, (str | list[list[float]], None))
-    ratios: Any = float | list[float]
-    matrices = create_model(
+    matrix: Any = str | list[list[float]]
+    matrices = strict_schema(
         "matrices",
-        __config__=strict,
-        **matrix_keys,
+        **dict.fromkeys(NAMES, (matrix, None)),
         file=(str, None),
         names=(list[str], ()),
         ratio=(float, 1.0),
-        damping_ratio=(ratios, None),
+        damping_ratio=(float | list[float], None),
     )
-    table: Any = create_model("table", __config__=strict, response=(str, ...), force=(str, ...), file=(str, ...))
-    receptances = create_model(
+    table: Any = strict_schema("table", response=(str, ...), force=(str, ...), file=(str, ...))
+    receptances = strict_schema(
         "receptances",
-        __config__=strict,
         file=(str, None),
         tables=(list[table], None),
         names=(dict[str, str], None),
-        static=(str | list[list[float]], None),
-        quantity=(quantity, None),
+        static=(matrix, None),
+        quantity=(Literal["receptance", "mobility", "accelerance"], None),
     )
     keys: dict[str, Any] = {}
     for entry in LAWS.values():
         for key, kind in () if entry.no_toml else entry.kinds.items():
             keys[key] = kind if key not in keys else keys[key] | kind
-    keys = {key: (kind, None) for key, kind in keys.items()}
-    element: Any = create_model(
+    element: Any = strict_schema(
         "element",
-        __config__=strict,
         name=(str, ""),
-        direction=(direction, ...),
+        direction=(Annotated[Any, BeforeValidator(_direction)], ...),
         law=(str, ...),
         damping=(float, 0.0),
         error=(list[float], None),
-        **keys,
+        **{key: (kind, None) for key, kind in keys.items()},
     )
-    load: Any = create_model(
-        "load",
-        __config__=strict,
-        constant=(vector, None),
-        cosine=(dict[str, vector], {}),
-        sine=(dict[str, vector], {}),
-        power=(int, 0),
-    )
-    return create_model(
+    vector: Any = Annotated[Any, BeforeValidator(_vector)]
+    waves: Any = dict.fromkeys(("cosine", "sine"), (dict[str, vector], {}))
+    load: Any = strict_schema("load", constant=(vector, None), **waves, power=(int, 0))
+    return strict_schema(
         "structure",
-        __config__=strict,
         matrices=(matrices, None),
         receptances=(receptances, None),
         element=(list[element], ...),

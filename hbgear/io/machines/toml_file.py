@@ -7,14 +7,16 @@ import re
 import tomllib
 import typing
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import fields
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from hbgear.common.text.decoding import text_of_file
 from hbgear.common.text.messages import did_you_mean, quoted, shortened
 from hbgear.common.units import QuantityField, decimal_mark
 from hbgear.io.branches.archive import too_deep
+from hbgear.mechanics.fields import kinds_of
+from hbgear.mechanics.laws.registry import TOML_KINDS
 
 KeyPath = tuple[str | int, ...]
 """Position in a file: keys and indices of entries, from the outside in."""
@@ -236,34 +238,47 @@ def _location_and_text(schema: Any, key_path: KeyPath, error: Any) -> tuple[KeyP
     )
 
 
-def exactly() -> Any:
-    """Return settings of a pydantic model that forbid other keys and convert no types."""
-    from pydantic import ConfigDict
+def strict_schema(title: str, /, **keys: Any) -> Any:
+    """Return a pydantic model with keys of (type, default), which forbids other keys and converts no types."""
+    from pydantic import ConfigDict, create_model
 
-    return ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+    return create_model(title, __config__=ConfigDict(extra="forbid", strict=True, allow_inf_nan=False), **keys)
 
 
-def form(
-    title: str,
-    cls: type,
-    kinds: Mapping[str, Any],
-    required: Sequence[str],
-    excluded: Sequence[str] = (),
-    **extra: tuple[Any, Any],
-) -> Any:
-    """Return the schema of a table with the fields of a dataclass, a pydantic model.
+QUANTITY: Any = str | float
+"""Type of a quantity: a text with a unit, or a number in the SI unit."""
 
-    Quantities are texts or numbers; the types of other fields are ``kinds``. ``more`` are additional keys with (type,
-    default).
-    """
-    from pydantic import create_model
+TORQUE_ORDERS: Any = dict[str, QUANTITY | list[QUANTITY]]
+"""Type of a table of torque orders: amplitude, or amplitude and phase, by order."""
 
+MESH_MODEL: Any = Literal["teeth", "secant", "tangent"]
+
+_KINDS: dict[str, Any] = {
+    "backlash_measure": Literal["circumferential", "normal", "action"],
+    "pitch_errors": list[QUANTITY],
+    "torque_orders": TORQUE_ORDERS,
+}
+"""Types of fields whose values in files have another type than in Python."""
+
+
+def form(title: str, cls: type, required: Sequence[str], excluded: Sequence[str] = (), **extra: Any) -> Any:
+    """Return the schema of a table with the fields of a dataclass, and additional keys with (type, default)."""
     keys: dict[str, Any] = {}
-    for field in fields(cls):
-        if field.init and field.name not in excluded:
-            kind: Any = str | float if isinstance(vars(cls).get(field.name), QuantityField) else kinds[field.name]
-            keys[field.name] = (kind, ... if field.name in required else None)
-    return create_model(title, __config__=exactly(), **{**keys, **extra})
+    for name, kind in kinds_of(cls).items():
+        if name not in excluded:
+            is_quantity = isinstance(vars(cls).get(name), QuantityField)
+            toml_kind = QUANTITY if is_quantity else _KINDS.get(name, TOML_KINDS.get(kind, kind))
+            keys[name] = (toml_kind, ... if name in required else None)
+    return strict_schema(title, **(keys | extra))
+
+
+@contextmanager
+def recorded(problems: Problems, key_path: KeyPath) -> Iterator[None]:
+    """Add the ValueError of a block to the problems."""
+    try:
+        yield
+    except ValueError as error:
+        problems.append((key_path, bare(error)))
 
 
 def constructed(
@@ -277,17 +292,12 @@ def constructed(
     for name, value in values.items():
         field = vars(cls).get(name)
         if isinstance(field, QuantityField) and value is not None:
-            try:
+            with recorded(problems, (*key_path, name)):
                 field.read(cls.__name__, value)
-            except ValueError as error:
-                problems.append(((*key_path, name), bare(error)))
-    if len(problems) > count:
-        return None
-    try:
-        return (make or cls)(**values)
-    except ValueError as error:
-        problems.append((key_path, bare(error)))
-        return None
+    if len(problems) == count:
+        with recorded(problems, key_path):
+            return (make or cls)(**values)
+    return None
 
 
 def bare(error: ValueError) -> str:

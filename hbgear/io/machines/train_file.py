@@ -43,8 +43,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 from hbgear.common.process.signals import defer_signals
 from hbgear.common.units import to_si
@@ -56,30 +57,21 @@ from hbgear.gears.trains.housing import Housing
 from hbgear.gears.trains.train import Train
 from hbgear.gears.trains.train_components import Bearing, Mesh, Shaft, Wheel
 from hbgear.gears.trains.train_layout import check_mesh_torque
-from hbgear.io.machines.toml_file import KeyPath, Problems, bare, constructed, exactly, form, read_checked
+from hbgear.io.machines.toml_file import (
+    MESH_MODEL,
+    QUANTITY,
+    TORQUE_ORDERS,
+    KeyPath,
+    Problems,
+    bare,
+    constructed,
+    form,
+    read_checked,
+    recorded,
+    strict_schema,
+)
 from hbgear.io.matrices import from_matrices
 from hbgear.mechanics.structures.speed_terms import MatrixTable
-
-_KINDS: dict[str, Any] = {
-    "name": str,
-    "first": str,
-    "second": str,
-    "at": str,
-    "teeth": int,
-    "internal": bool,
-    "rack": bool,
-    "held": bool,
-    "moves": Literal["torsion", "plane", "space"],
-    "eps": list[float],
-    "eps_lag": list[float],
-    "e": list[float],
-    "e_lag": list[float],
-    "elements": int,
-    "torque_orders": dict[str, str | float | list[str | float]],
-    "backlash_measure": Literal["circumferential", "normal", "action"],
-    "pitch_errors": list[str | float],
-    "thickness": list[float],
-}
 
 
 def read_train(path: str | os.PathLike[str]) -> Train | EpicyclicSet:
@@ -94,59 +86,43 @@ def read_train(path: str | os.PathLike[str]) -> Train | EpicyclicSet:
 @defer_signals()  # pydantic panics on Ctrl-C while it creates a model
 def _schema() -> Any:
     """Return the schema of the file, a pydantic model."""
-    from pydantic import create_model
-
-    gear = form("gear", Gear, _KINDS, ("teeth", "module", "face_width"))
-    pair = form("pair", GearPair, _KINDS, (), ("pinion", "wheel"))
-    mesh = form(
-        "mesh",
-        Mesh,
-        _KINDS,
-        ("first", "second"),
-        _FUNCTIONS,
-        pair=(pair, None),
-        torque=(str | float, None),
-        mesh_model=(Literal["teeth", "secant", "tangent"], None),
-        friction=(float, 0.0),
-    )
-    table = create_model(
-        "table", __config__=exactly(), speed=(list[str | float], ...), matrices=(list[list[list[float]]], ...)
-    )
+    gear = form("gear", Gear, ("teeth", "module", "face_width"))
+    pair = form("pair", GearPair, (), ("pinion", "wheel"))
+    of_pair = {
+        "pair": (pair, None),
+        "torque": (QUANTITY, None),
+        "mesh_model": (MESH_MODEL, None),
+        "friction": (float, 0.0),
+    }
+    table = strict_schema("table", speed=(list[QUANTITY], ...), matrices=(list[list[list[float]]], ...))
     matrix: Any = str | list[list[float]]
-    orders: Any = _KINDS["torque_orders"]
-    housing = create_model(
+    housing = strict_schema(
         "housing",
-        __config__=exactly(),
-        M=(matrix, ...),
-        K=(matrix, ...),
-        C=(matrix, None),
+        **{"M": (matrix, ...), "K": (matrix, ...), "C": (matrix, None)},
         names=(list[str], ()),
         seats=(dict[str, dict[str, str]], {}),
     )
-    epicyclic = create_model(
+    epicyclic = strict_schema(
         "epicyclic",
-        __config__=exactly(),
         planets=(int, ...),
-        torque=(str | float, ...),
-        carrier_inertia=(str | float, 0.01),
+        torque=(QUANTITY, ...),
+        carrier_inertia=(QUANTITY, 0.01),
         bodies=(list[list[str]], ()),
-        driver=(str, ""),
-        output=(str, ""),
-        fixed=(str, ""),
-        torque_orders=(orders, ()),
+        **dict.fromkeys(("driver", "output", "fixed"), (str, "")),
+        torque_orders=(TORQUE_ORDERS, ()),
     )
     lists: dict[str, Any] = {
-        "wheel": form("wheel", Wheel, _KINDS, ("name",), gear=(gear, None)),
-        "shaft": form("shaft", Shaft, _KINDS, ("first", "second")),
-        "beam": form("beam", Beam, _KINDS, ("first", "second", "outer")),
-        "bearing": form("bearing", Bearing, _KINDS, ("at",), _TABLES, **dict.fromkeys(_TABLES, (table, None))),
-        "mesh": mesh,
+        "wheel": form("wheel", Wheel, ("name",), gear=(gear, None)),
+        "shaft": form("shaft", Shaft, ("first", "second")),
+        "beam": form("beam", Beam, ("first", "second", "outer")),
+        "bearing": form("bearing", Bearing, ("at",), _TABLES, **dict.fromkeys(_TABLES, (table, None))),
+        "mesh": form("mesh", Mesh, ("first", "second"), _FUNCTIONS, **of_pair),
     }
     keys: dict[str, Any] = {
         name: (list[schema], ... if name in ("wheel", "mesh") else [])  # type: ignore[valid-type]
         for name, schema in lists.items()
     } | {"balance": (str, ""), "gyroscopic": (bool, False), "housing": (housing, None), "epicyclic": (epicyclic, None)}
-    return create_model("train", __config__=exactly(), **keys)
+    return strict_schema("train", **keys)
 
 
 _TABLES = ("table", "damping_table")
@@ -180,16 +156,8 @@ def _train(data: Mapping[str, Any], folder: Path, problems: Problems) -> Train |
     if problems:
         return None
     options = {name: data[name] for name in ("balance", "gyroscopic") if name in data}
-    values = {
-        "wheels": wheels,
-        "meshes": meshes,
-        "shafts": shafts,
-        "bearings": bearings,
-        "beams": beams,
-        "housing": housing,
-        **options,
-    }
-    return constructed(problems, ("mesh", 0), Train, values)
+    parts = {"wheels": wheels, "meshes": meshes, "shafts": shafts, "bearings": bearings, "beams": beams}
+    return constructed(problems, ("mesh", 0), Train, {**parts, "housing": housing, **options})
 
 
 def _with_torques(
@@ -219,10 +187,8 @@ def _epicyclic_fields(data: Mapping[str, Any], problems: Problems) -> dict[str, 
         problems.append(((name,), f"an epicyclic set has no {name}; remove it, or the table [epicyclic]"))
     for name, unit in _QUANTITIES.items():
         if name in fields:
-            try:
+            with recorded(problems, ("epicyclic", name)):
                 fields[name] = to_si("EpicyclicSet", name, fields[name], unit)
-            except ValueError as error:
-                problems.append((("epicyclic", name), bare(error)))
     return fields
 
 
@@ -235,10 +201,8 @@ def _epicyclic(
     made = constructed(problems, ("epicyclic",), EpicyclicSet, {"wheels": wheels, "meshes": meshes, **fields})
     if made is not None and not made.torque_orders:
         for i, (mesh, static) in enumerate(zip(made.meshes, made.mesh_torques.values(), strict=True)):
-            try:
+            with recorded(problems, ("mesh", i)):
                 check_mesh_torque("EpicyclicSet", "the share of one planet", mesh, static)
-            except ValueError as error:
-                problems.append((("mesh", i), bare(error)))
     return None if problems else made
 
 
@@ -254,7 +218,7 @@ def _wheel(key_path: KeyPath, table: Mapping[str, Any], gears: dict[str, Gear], 
     if gear is None:
         return None
     gears[fields["name"]] = gear
-    return constructed(problems, key_path, Wheel, fields, lambda **values: Wheel.of(gear=gear, **values))
+    return constructed(problems, key_path, Wheel, fields, partial(Wheel.of, gear=gear))
 
 
 def _bearing(key_path: KeyPath, table: Mapping[str, Any], problems: Problems) -> Bearing | None:
@@ -273,17 +237,11 @@ def _bearing(key_path: KeyPath, table: Mapping[str, Any], problems: Problems) ->
 
 def _housing(table: Mapping[str, Any], folder: Path, problems: Problems) -> Housing | None:
     """Return the housing with its matrices from files or rows of numbers."""
-    try:
-        sources = {
-            name: folder / table[name] if isinstance(table[name], str) else table[name]
-            for name in ("M", "K", "C")
-            if table.get(name) is not None
-        }
-        matrices = from_matrices(sources)
+    with recorded(problems, ("housing",)):
+        sources = {name: table[name] for name in ("M", "K", "C") if table.get(name) is not None}
+        matrices = from_matrices({name: folder / x if isinstance(x, str) else x for name, x in sources.items()})
         return Housing(matrices.M, matrices.K, matrices.C, table.get("names", ()), table.get("seats", {}))
-    except ValueError as error:
-        problems.append((("housing",), bare(error)))
-        return None
+    return None
 
 
 _OF_PAIR = ("mesh_model", "friction")
@@ -313,16 +271,6 @@ def _mesh(key_path: KeyPath, table: Mapping[str, Any], gears: Mapping[str, Gear]
     pair = constructed(problems, (*key_path, "pair"), GearPair, {**gears_of_pair, **table.get("pair", {})})
     if pair is None:
         return None
-    return constructed(
-        problems,
-        key_path,
-        Mesh,
-        fields,
-        lambda **values: Mesh.of(
-            pair=pair,
-            torque=table["torque"],
-            mesh=table.get("mesh_model"),
-            friction=table.get("friction", 0.0),
-            **values,
-        ),
-    )
+    options = {"mesh": table.get("mesh_model"), "friction": table.get("friction", 0.0)}
+    make = partial(Mesh.of, pair=pair, torque=table["torque"], **options)
+    return constructed(problems, key_path, Mesh, fields, make)

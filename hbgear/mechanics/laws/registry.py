@@ -34,7 +34,7 @@ from hbgear.mechanics.series.periodic import Phased
 
 _Law = TypeVar("_Law", bound=Callable[..., Law])
 
-_TOML_KINDS: Mapping[Any, Any] = {
+TOML_KINDS: Mapping[Any, Any] = {
     float: float,
     int: int,
     bool: bool,
@@ -230,8 +230,8 @@ def _entry(law: Any, name: str, required: tuple[str, ...] | None) -> RegisteredL
             no_toml = no_toml or f"its field {field} has the name of a key of the element"
         elif field == "stiffness" and kind == Phased:
             kinds["eps"] = list[float]
-        elif kind in _TOML_KINDS or typing.get_origin(kind) is typing.Literal:
-            kinds[field] = _TOML_KINDS.get(kind, kind)
+        elif kind in TOML_KINDS or typing.get_origin(kind) is typing.Literal:
+            kinds[field] = TOML_KINDS.get(kind, kind)
         else:
             no_toml = no_toml or f"its field {field} is no number, text or list of numbers"
     without_default = tuple(field for field in kinds if field not in defaults and field != "eps")
