@@ -11,6 +11,7 @@ from functools import partial
 from operator import methodcaller
 from pathlib import Path
 from threading import Event
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Annotated, Any, cast
 
 import numpy as np
@@ -109,6 +110,7 @@ GearFigure = Annotated[
 
 
 def gear(
+    ctx: typer.Context,
     z: Annotated[str, typer.Option("--z", metavar="Z1,Z2", help="Teeth of pinion and wheel; -Z2 for a ring.")],
     module: Annotated[str, typer.Option(help="Normal module, such as 3mm.")],
     width: Annotated[str, typer.Option(help="Face width, such as 20mm.")],
@@ -138,24 +140,7 @@ def gear(
     """
     teeth = _two_values("--z", z, int, "25,40")
     plot = plot or _default_figure(teeth)
-    machine = _machine(
-        teeth,
-        module,
-        width,
-        torque,
-        backlash,
-        damping or str(DEFAULT_DAMPING),
-        helix,
-        pressure,
-        _two_values("--shift", shift, float, "0.2,0"),
-        relief,
-        measure,
-        mesh,
-        torque_orders,
-        friction,
-        runout,
-        rack,
-    )
+    machine = _machine(teeth, SimpleNamespace(**ctx.params))
     with without_contact_warning():
         curve = _trace_and_report(machine, harmonics_of(harmonics), damping is None, output, plot, dimensionless)
     raise typer.Exit(exit_code(curve))
@@ -390,24 +375,7 @@ def _trace_and_report(
     return curve
 
 
-def _machine(
-    teeth: tuple[int, int],
-    module: str,
-    width: str,
-    torque: str,
-    backlash: str,
-    damping: str,
-    helix: str,
-    pressure: str,
-    shift: tuple[float, float],
-    relief: str,
-    measure: str,
-    mesh: str | None,
-    torque_orders: str | None,
-    friction: str | None,
-    runout: str,
-    rack: bool,
-) -> Machine:
+def _machine(teeth: tuple[int, int], options: SimpleNamespace) -> Machine:
     """Return the machine of the options of ``hbgear gear``; a ring has a negative number of teeth."""
     from hbgear.common.units import to_si
     from hbgear.gears.mesh.mesh_models import MESHES
@@ -416,28 +384,24 @@ def _machine(
     from hbgear.gears.torque_orders import parse_torque_orders
     from hbgear.io.machines.machine_file import Machine
 
-    beta = to_si("--helix", "angle", helix, "rad")
-    ring = teeth[1] < 0
-    errors = _two_values("--runout", runout if "," in runout else f"{runout}, 0 um", str, "20um,0um")
+    shifts = _two_values("--shift", options.shift, float, "0.2,0")
+    beta, ring = to_si("--helix", "angle", options.helix, "rad"), teeth[1] < 0
+    runout = options.runout if "," in options.runout else f"{options.runout}, 0 um"
+    errors = _two_values("--runout", runout, str, "20um,0um")
+    angles, kinds = (beta, beta if ring else -beta), ((False, False), (ring, options.rack))
+    size, relief = (options.module, options.width, options.pressure), options.relief
     pinion, wheel = (
-        hb.gears.Gear(abs(number), module, width, pressure, angle, x, *kind, tip_relief=relief, runout=error)
-        for number, angle, x, kind, error in zip(
-            teeth, (beta, beta if ring else -beta), shift, ((False, False), (ring, rack)), errors, strict=True
-        )
+        hb.gears.Gear(abs(number), *size, angle, x, *kind, tip_relief=relief, runout=error)
+        for number, angle, x, kind, error in zip(teeth, angles, shifts, kinds, errors, strict=True)
     )
-    pair = hb.GearPair(pinion, wheel, backlash, measure)
-    zeta = DAMPING.read("--damping", _plain(damping))
-    if mesh is not None and mesh not in MESHES:
-        raise ValueError(f"--mesh {mesh}: must be one of {', '.join(MESHES)}")
-    orders = parse_torque_orders("--torque-orders", torque_orders) if torque_orders else ()
-    return Machine(
-        pair,
-        to_si("--torque", "torque", torque, "N m"),
-        zeta,
-        mesh_model=cast(Any, mesh),
-        torque_orders=orders,
-        friction=COEFFICIENT.read("--friction", _plain(friction or "0")),
-    )
+    pair = hb.GearPair(pinion, wheel, options.backlash, options.measure)
+    zeta = DAMPING.read("--damping", _plain(options.damping or str(DEFAULT_DAMPING)))
+    if options.mesh is not None and options.mesh not in MESHES:
+        raise ValueError(f"--mesh {options.mesh}: must be one of {', '.join(MESHES)}")
+    orders = parse_torque_orders("--torque-orders", options.torque_orders) if options.torque_orders else ()
+    torque = to_si("--torque", "torque", options.torque, "N m")
+    friction = COEFFICIENT.read("--friction", _plain(options.friction or "0"))
+    return Machine(pair, torque, zeta, mesh_model=options.mesh, torque_orders=orders, friction=friction)
 
 
 def _plain(text: str) -> Any:
