@@ -7,7 +7,7 @@ import os
 import shutil
 import sys
 import textwrap
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
@@ -106,6 +106,11 @@ def print_table(headers: list[str], rows: list[list[str]], title: str = "") -> N
         print(listed(headers, rows, title, width))
     else:
         print_text_table(table_of(headers, rows, title))
+
+
+def print_records(records: Sequence[Mapping[str, str]], title: str = "") -> None:
+    """Print a table whose rows have the same cells by header."""
+    print_table(list(records[0]), [list(record.values()) for record in records], title)
 
 
 _COLUMN_MARGIN = 3  # characters around a column of a table

@@ -11,7 +11,7 @@ import hbgear as hb
 from hbgear.analysis.campbell_diagram import Campbell, whirl_word
 from hbgear.analysis.quantities.axis_quantities import OmegaAxis
 from hbgear.cli import options
-from hbgear.cli.output import print_table
+from hbgear.cli.output import print_records
 from hbgear.cli.output_files import outputs
 from hbgear.cli.support import assignments, chosen_model, span_of
 from hbgear.harmonic.models.frequency_units import MESH
@@ -65,31 +65,21 @@ def campbell(
 def _print_critical_speeds(diagram: Campbell, a: float, b: float, dimensionless: bool) -> None:
     """Print a table of the critical speeds, or that no order crosses a natural frequency between a and b."""
     units, axis = dict(diagram.scales), OmegaAxis(diagram.scales, dimensionless=dimensionless)
-    whirls = bool(np.isfinite(diagram.whirl).any())
-    headers = [
-        "order",
-        "mode",
-        *(["Omega"] if dimensionless or not units else []),
-        *units,
-        "natural frequency" + (" [Hz]" if MESH in units else ""),
-        "damping ratio",
-        *(["whirl"] if whirls else []),
-    ]
-    unit = units.get(MESH, 1.0)
-    rows = [
-        [
-            "mesh" if speed.order == "Omega" and axis.is_speed else speed.order,
-            str(speed.mode),
-            *([f"{speed.Omega:.6g}"] if dimensionless or not units else []),
-            *(f"{speed.Omega * units[name]:.6g}" for name in units),
-            f"{speed.frequency * unit:.6g}",
-            f"{speed.damping + 0.0:.4g}",
-            *([whirl_word(speed.whirl)] if whirls else []),
-        ]
-        for speed in diagram.critical
-    ]
-    if rows:
-        print_table(headers, rows, "critical speeds")
+    whirls, unit = bool(np.isfinite(diagram.whirl).any()), units.get(MESH, 1.0)
+    frequency = "natural frequency" + (" [Hz]" if MESH in units else "")
+    records = []
+    for speed in diagram.critical:
+        order = "mesh" if speed.order == "Omega" and axis.is_speed else speed.order
+        record = {"order": order, "mode": str(speed.mode)}
+        if dimensionless or not units:
+            record["Omega"] = f"{speed.Omega:.6g}"
+        record |= {name: f"{speed.Omega * scale:.6g}" for name, scale in units.items()}
+        record |= {frequency: f"{speed.frequency * unit:.6g}", "damping ratio": f"{speed.damping + 0.0:.4g}"}
+        if whirls:
+            record["whirl"] = whirl_word(speed.whirl)
+        records.append(record)
+    if records:
+        print_records(records, "critical speeds")
     else:
         end = axis.text(b) if axis.is_speed else f"{b:g}"
         print(f"no order crosses a natural frequency from {axis.text(a)} to {end}")

@@ -33,7 +33,7 @@ from hbgear.cli.machine_report.speed_ranges import (
     speeds_text,
     without_stable_motion,
 )
-from hbgear.cli.output import print_table, print_text
+from hbgear.cli.output import print_records, print_table, print_text
 from hbgear.cli.support import label_on_curve
 from hbgear.common.arrays import Array
 from hbgear.common.text.digits import rounded
@@ -166,38 +166,26 @@ def show_speeds(
 def _show_resonances(model: hb.mechanics.Model, curve: hb.Branch, shown: tuple[float, float] | None) -> None:
     """Print the resonances: speed, mesh frequency, dynamic factor, transmission error and force."""
     scales, several = scales_of(model), len(meshes_of(model)) > 1
-    rows = [
-        [
-            f"{r.speed:.0f}",
-            f"{float(scales.mesh_frequency(r.point.parameters['Omega'])):.0f}",
-            *([str(r.mesh)] if several else []),
-            number_or_dash(r.factor),
-            rounded(r.transmission_error, 3),
-            rounded(r.force, 4),
-            "before a jump" if r.ends else "",
-        ]
-        for r in resonances(model, curve)
-        if is_shown(r.speed, shown)
-    ]
-    for branch in curve.curves:
+    sizes = ("dynamic factor", "transmission error [um]", "largest force [N]")
+
+    def at(Omega: float, mesh: str) -> dict[str, str]:
+        speeds = {"pinion r/min": scales.pinion_speed(Omega), "mesh Hz": scales.mesh_frequency(Omega)}
+        return {name: f"{float(x):.0f}" for name, x in speeds.items()} | ({"mesh": mesh} if several else {})
+
+    records = []
+    for r in (r for r in resonances(model, curve) if is_shown(r.speed, shown)):
+        texts = number_or_dash(r.factor), rounded(r.transmission_error, 3), rounded(r.force, 4)
+        record = at(r.point.parameters["Omega"], str(r.mesh)) | dict(zip(sizes, texts, strict=True))
+        records.append(record | {"": "before a jump" if r.ends else ""})
+    for branch in filter(is_unbounded, curve.curves):
         end = branch.asymptotes.get("last", float(branch.values[-1]))
-        if is_unbounded(branch) and is_shown(float(scales.pinion_speed(end)), shown):
-            speeds = [float(convert(end)) for convert in (scales.pinion_speed, scales.mesh_frequency)]
-            mesh = ["-"] if several else []
-            rows.append([*(f"{x:.0f}" for x in speeds), *mesh, *["unbounded"] * 3, "more damping would limit it"])
-    rows.sort(key=lambda row: float(row[0]))
-    if rows:
-        headers = [
-            "pinion r/min",
-            "mesh Hz",
-            *(["mesh"] if several else []),
-            "dynamic factor",
-            "transmission error [um]",
-            "largest force [N]",
-            "",
-        ]
+        if is_shown(float(scales.pinion_speed(end)), shown):
+            record = at(end, "-") | dict.fromkeys(sizes, "unbounded")
+            records.append(record | {"": "more damping would limit it"})
+    records.sort(key=lambda record: float(record["pinion r/min"]))
+    if records:
         addition = ", with the mesh of the largest dynamic factor" if several else " of the mesh"
-        print_table(headers, rows, f"resonances{addition}; the transmission error is half peak to peak")
+        print_records(records, f"resonances{addition}; the transmission error is half peak to peak")
     else:
         print_text("no resonance in this range of speeds")
 
@@ -212,41 +200,32 @@ def _show_jumps(
 ) -> None:
     """Print the jumps of slow sweeps with the dynamic factors before and after."""
     scales, pair = scales_of(model), getattr(model, "pair", None)
-    rows = []
-    branches = curve.curves
-    for number, branch_landings in enumerate(landings(branches), 1):
+    records = []
+    for number, branch_landings in enumerate(landings(curve.curves), 1):
         for jump in (landing.jump for landing in branch_landings):
             speed = float(scales.pinion_speed(jump.value))
             if not is_shown(speed, shown):
                 continue
             digits = digits_of(jump.before, 6)
-            factors = [factor_text(model, point, min(digits, 3)) for point in (jump.before, jump.after)]
-            hertz = rounded(float(scales.mesh_frequency(jump.value)), digits)
-            direction = "increasing" if jump.direction > 0 else "decreasing"
-            Omega = [text_at(jump.before, "Omega")] if dimensionless else []
-            row = [label_on_curve(number, jump), rounded(speed, digits), hertz, *Omega, direction, *factors]
+            record = {"": label_on_curve(number, jump), "pinion r/min": rounded(speed, digits)}
+            record["mesh Hz"] = rounded(float(scales.mesh_frequency(jump.value)), digits)
+            if dimensionless:
+                record["Omega"] = text_at(jump.before, "Omega")
+            record["sweep"] = "increasing" if jump.direction > 0 else "decreasing"
+            for name, point in (("dynamic factor before", jump.before), ("after", jump.after)):
+                record[name] = factor_text(model, point, min(digits, 3))
             if pair is not None:
-                row.append(f"{float(hb.gears.iso_dynamic_factor(pair, mesh_torque(model), speed, ACCURACY_GRADE)):.2f}")
-            rows.append(row)
-    if not rows:
+                K_v = float(hb.gears.iso_dynamic_factor(pair, mesh_torque(model), speed, ACCURACY_GRADE))
+                record["K_v"] = f"{K_v:.2f}"
+            records.append(record)
+    if not records:
         where = "on these curves" if curve.others else "on this curve"
         print_text(f"no jumps {where if shown is None else 'in this range of speeds'}")
         return
-    headers = [
-        "",
-        "pinion r/min",
-        "mesh Hz",
-        *(["Omega"] if dimensionless else []),
-        "sweep",
-        "dynamic factor before",
-        "after",
-    ]
     title = "jumps of a slow sweep; dynamic factor = largest / static force of the mesh"
     title += " with the largest one" if len(meshes_of(model)) > 1 else ""
-    if pair is not None:
-        headers.append("K_v")
-        title += f"; K_v of ISO 6336-1, method B, grade {ACCURACY_GRADE}"
-    print_table(headers, rows, title)
+    title += "" if pair is None else f"; K_v of ISO 6336-1, method B, grade {ACCURACY_GRADE}"
+    print_records(records, title)
 
 
 def mesh_torque(model: Any) -> float:
