@@ -371,6 +371,40 @@ def test_a_group_of_cases_that_take_long_is_handed_back(monkeypatch):
 
 
 @pytest.mark.slow
+def test_ctrl_c_waits_for_running_cases_only(tmp_path):
+    """One process, cases of 1 s: the one that runs is finished, those that the pool has already passed on are not."""
+    (tmp_path / "study.py").write_text(SLOW)
+    out, err = started([sys.executable, "study.py"], tmp_path).communicate(timeout=120)
+    outcome, count = out.split()
+    assert outcome == "interrupted" and count == "2" and "Traceback" not in err
+
+
+SLOW = """
+import os, signal, time
+import hbgear as hb
+from hbgear.design.studies import case_work
+from hbgear.design.studies.store import Result
+
+def slow(cls, fields, work):
+    time.sleep(1.0)
+    return Result({"peak": 1.0, "peak_Omega": 1.0}, seconds=1.0)
+
+stops = [signal.SIGINT]
+
+def stop(now):
+    if now.numbers["finished"] == 1 and stops:
+        time.sleep(0.15)  # the pool passes on the next cases
+        os.kill(os.getpid(), stops.pop())
+
+case_work.run_case = slow  # in the worker process, too
+if __name__ == "__main__":
+    zeta = hb.design.grid(zeta=[0.05 + 0.01 * i for i in range(8)])
+    found = hb.design.cases(hb.Duffing(), zeta, ("peak",), processes=1, progress=stop)
+    print(found.outcome, len(found))
+"""
+
+
+@pytest.mark.slow
 def test_ctrl_c_twice_waits_for_nothing(tmp_path):
     """The running cases take 600 s; the second signal ends the study without waiting for them."""
     (tmp_path / "study.py").write_text(ENDLESS)

@@ -22,6 +22,7 @@ from hbgear.continuation.results.termination import raise_if_interrupted
 from hbgear.continuation.tracing.coverage import uncovered_intervals
 from hbgear.continuation.tracing.trace import trace
 from hbgear.design.studies.case_results import Work
+from hbgear.design.studies.processes import is_stop_requested
 from hbgear.design.studies.store import Result
 from hbgear.harmonic.bifurcations.peaks import locate_peaks
 from hbgear.harmonic.equations.layout import layout_of
@@ -64,11 +65,16 @@ def _model_with(cls: type[Model], values: Mapping[str, Any]) -> Model:
 
 
 def run_cases(cls: type[Model] | str, group: Sequence[Mapping[str, Any]], work: Work) -> list[Result]:
-    """Compute the cases of a group with one thread; return the finished ones if the others would take too long."""
+    """Compute the cases of a group with one thread; return the finished ones if the others would take too long.
+
+    After Ctrl-C of the study no further case is begun.
+    """
     started, results = time.perf_counter(), list[Result]()
     with _libraries(len(sys.modules)).limit(limits=1), warnings.catch_warnings():
         warnings.simplefilter("ignore", ImplausibleInputWarning)  # was given before the first case
         for fields in group:
+            if is_stop_requested():
+                break
             results.append(run_case(cls, fields, work))
             if time.perf_counter() - started > _MAX_GROUP_SECONDS:
                 break

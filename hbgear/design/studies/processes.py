@@ -1,4 +1,8 @@
-"""Worker processes of studies: spawned, without a reaction to Ctrl-C, and ended together with the parent process."""
+"""Worker processes of studies: spawned, without a reaction to Ctrl-C, and ended together with the parent process.
+
+After Ctrl-C the parent process calls `request_stop`, and the workers begin no further case: a pool passes on more
+groups of cases than it has processes, and these cannot be cancelled.
+"""
 
 from __future__ import annotations
 
@@ -12,8 +16,32 @@ from collections.abc import Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
 from contextlib import contextmanager
 from multiprocessing import active_children, get_context, parent_process, resource_tracker
+from multiprocessing.synchronize import Event
 from pathlib import Path
 from typing import Any
+
+_stop_event: Event | None = None
+"""In a worker process: set if no further case is to begin."""
+
+
+class _Pool(ProcessPoolExecutor):
+    """Spawned processes that `request_stop` reaches."""
+
+    def __init__(self, workers: int) -> None:
+        context = get_context("spawn")
+        self.stop_event = context.Event()
+        super().__init__(workers, mp_context=context, initializer=_initialize_worker, initargs=(self.stop_event,))
+
+
+def request_stop(executor: Executor) -> None:
+    """Let the processes of a pool of `executor_of` begin no further case; other executors are left alone."""
+    if isinstance(executor, _Pool):
+        executor.stop_event.set()
+
+
+def is_stop_requested() -> bool:
+    """Return whether this is a worker process that is to begin no further case."""
+    return _stop_event is not None and _stop_event.is_set()
 
 
 @contextmanager
@@ -30,7 +58,7 @@ def executor_of(executor: Executor | None, processes: int | None, count: int) ->
     _check_guard()
     workers = min(processes or os.cpu_count() or 1, count)
     existing = set(active_children())
-    with ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_initialize_worker) as pool:
+    with _Pool(workers) as pool:
         try:
             with _delayed_ctrl_c():
                 for _ in range(workers):  # each starts a process
@@ -81,8 +109,10 @@ def _delayed_ctrl_c() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _initialize_worker() -> None:
+def _initialize_worker(stop_event: Event) -> None:
     """Ignore Ctrl-C in a worker process, and end the process when its parent process ends."""
+    global _stop_event
+    _stop_event = stop_event
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
 

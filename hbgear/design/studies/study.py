@@ -26,7 +26,7 @@ from hbgear.common.process.progress import Progress, ProgressCallback
 from hbgear.common.text.messages import did_you_mean
 from hbgear.design.studies.case_results import Cases, Outcome, Work, collect
 from hbgear.design.studies.case_work import check_result, check_work, run_cases
-from hbgear.design.studies.processes import executor_of
+from hbgear.design.studies.processes import executor_of, request_stop
 from hbgear.design.studies.samples import Grid, Sample
 from hbgear.design.studies.store import Result, Store, key_of
 from hbgear.mechanics.model_lookup import reference_of
@@ -233,6 +233,7 @@ class _Run:
             try:
                 self._compute(pool, cls, pending, work, running)
             except KeyboardInterrupt:
+                request_stop(pool)
                 self._finish(running, pending)
                 return Outcome.INTERRUPTED, f"interrupted; {self.kept_text}"
             except _ExecutorFailed as failure:
