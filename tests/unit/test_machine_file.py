@@ -11,6 +11,7 @@ import pytest
 
 import hbgear as hb
 from hbgear.cli.machine_report import gear_tables
+from hbgear.design.studies.study_file import read_study
 from hbgear.io.machines.machine_file import Machine, read_machine, write_machine
 from hbgear.io.machines.toml_file import TomlFileError
 
@@ -148,6 +149,15 @@ def test_errors_have_their_line(file, old, new, said):
     file.write_text(TEXT.replace(old, new, 1))
     with pytest.raises(TomlFileError, match=said):
         read_machine(file)
+
+
+@pytest.mark.parametrize("text", ["", "# to be written\n"])
+def test_an_empty_file_is_named_as_such(file, text):
+    """It was reported as a machine without its keys, even as the file of a study."""
+    file.write_text(text)
+    for read, expected in ((read_machine, "machine"), (hb.io.read_model, "machine"), (read_study, "study")):
+        with pytest.raises(TomlFileError, match=rf"cannot be read as a {expected}: it is empty, or has only comments$"):
+            read(file)
 
 
 def test_all_errors_at_once(file):

@@ -206,6 +206,15 @@ def test_measurements_in_every_unit(tmp_path):
         np.testing.assert_allclose(data.deviation, expected, rtol=1e-9)
 
 
+def test_the_columns_of_a_saved_curve_are_selected_as_the_error_says(tmp_path):
+    curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 3), "Omega", (0.5, 0.7))
+    curve.export(tmp_path / "curve.csv")
+    with pytest.raises(ValueError, match=r"'special' is unknown; .* --column amplitude=HEADER$"):
+        hb.design.read_measurements(tmp_path / "curve.csv")
+    data = hb.design.read_measurements(tmp_path / "curve.csv", {"amplitude": f"pp2_{curve.layout.elements[0]}"})
+    assert data.frequency.tolist() == curve.values.tolist()
+
+
 def test_headings_and_arguments_that_contradict(tmp_path):
     path = tmp_path / "m.csv"
     path.write_text("n [r/min],rms [um]\n600,1\n")

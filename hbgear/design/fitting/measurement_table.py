@@ -25,6 +25,7 @@ _SPEEDS = ("n", "speed", "pinion", "pinion speed", "rotational speed", "shaft sp
 _TRANSMISSION_ERRORS = ("dte", "dte, half peak to peak", "te", "transmission error", "dynamic transmission error")
 _PP2 = "half peak to peak"  # as in headings of `hbgear.analysis.machine_quantities`
 _DISPLACEMENTS = ("amplitude", "a", "x", "d", "y", "displacement", f"displacement, {_PP2}", "gap", _PP2)
+_SELECT_COLUMNS = "; or select columns: columns={'amplitude': HEADER}, in a command --column amplitude=HEADER"
 _COLUMN_UNITS = {"Omega": "", MESH: "Hz", PINION: "r/min"}
 
 
@@ -130,7 +131,7 @@ def measurements_of(
     assumed = {"amplitude": str(length)} | ({} if unit is None else {"frequency": _COLUMN_UNITS[unit]})
     default = ("frequency", "amplitude", "direction")
     table = data_table(content, name, KINDS, default)
-    columns_by_role = table.columns(KINDS, columns, assumed)
+    columns_by_role = table.columns(KINDS, columns, assumed, _SELECT_COLUMNS)
     if "frequency" not in columns_by_role:
         raise ValueError(
             f"'{name}' has no frequency, only {', '.join(map(quoted, table.headings))}; need a column "

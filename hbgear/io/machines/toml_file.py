@@ -44,9 +44,9 @@ def parsed(path: str | os.PathLike[str], expected: str) -> tuple[str, dict[str, 
         raise TomlFileError([str(error)]) from None
     try:
         data = tomllib.loads(text)
-        if not too_deep(data):
+        if data and not too_deep(data):
             return text, data
-        reason = _nested(text)
+        reason = _nested(text) if data else "it is empty, or has only comments"
     except tomllib.TOMLDecodeError as error:
         reason = shortened(str(error), 200).replace("at end of document", f"at the end, line {len(text.splitlines())}")
         at = re.search(r"at line (\d+)", reason)

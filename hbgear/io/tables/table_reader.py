@@ -115,13 +115,18 @@ class DataTable:
         return self._column_in_unit(i, kind, (named(self.headings[i], kind) or (None,))[0])
 
     def columns(
-        self, kinds: Sequence[Kind], called: Mapping[str, str] | None = None, assumed: Mapping[str, str] | None = None
+        self,
+        kinds: Sequence[Kind],
+        called: Mapping[str, str] | None = None,
+        assumed: Mapping[str, str] | None = None,
+        advice: str = "",
     ) -> dict[str, Column]:
         """Return the columns of accepted kinds by role.
 
         ``called`` has headers of roles with other names; columns without such a header are then omitted. ``assumed``
-        has units of roles whose header and name give no unit. KeyError is raised if a header of ``called`` does not
-        exist, ValueError if a column has no kind, two have the same kind, or a unit is not accepted.
+        has units of roles whose header and name give no unit, ``advice`` ends the error of a column without a kind.
+        KeyError is raised if a header of ``called`` does not exist, ValueError if a column has no kind, two have the
+        same kind, or a unit is not accepted.
         """
         columns: dict[str, Column] = {}
         by_role = {kind.role: kind for kind in kinds}
@@ -134,7 +139,7 @@ class DataTable:
             if kind is None and called:
                 continue
             if kind is None:
-                raise ValueError(f"'{self.file}': the column {quoted(heading)} is unknown; {_accepted(kinds)}")
+                raise ValueError(f"'{self.file}': the column {quoted(heading)} is unknown; {_accepted(kinds)}{advice}")
             if role is None and kind.role in positions:
                 continue
             if kind.role in columns:
