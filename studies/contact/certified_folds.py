@@ -118,7 +118,8 @@ def report(results: Results) -> str:
         shot = [f[4] for f in found]
         lines.append(
             f"| {kind} | {pairs} | {len(found) + len(failed)} | {len(found)} | {max(f[1] for f in found):.0e} | "
-            f"{np.median(ratios):.2f}, {np.max(ratios):.2f} | {sum(d < MAX_SHOOTING_DISTANCE for d in shot)} | {np.nanmax(shot):.0e} | "
+            f"{np.median(ratios):.2f}, {np.max(ratios):.2f} | {sum(d < MAX_SHOOTING_DISTANCE for d in shot)} | "
+            f"{np.nanmax(shot):.0e} | "
             f"{np.median([f[3] for f in found]):.1f} |"
         )
     reasons = ", ".join(f"{condition} ({count})" for condition, count in Counter(c for _, c in results.failed).items())
