@@ -70,6 +70,25 @@ def _protect(flask: Any, app: Any, token: str, hosts: Callable[[], set[str]]) ->
         return flask.jsonify(error="the request is nested too deeply"), 400
 
 
+def _answers(flask: Any, explorer: Explorer) -> dict[str, Answer]:
+    """Return the functions that answer requests, by path."""
+
+    def measured(body: dict[str, Any], session: str, query: Request) -> Any:
+        return explorer.measured(query, _bytes(body.get("content")), str(body.get("name", "points"))[:80])
+
+    def file(body: dict[str, Any], session: str, query: Request) -> Any:
+        name, content = explorer.saved_as(session, body["kind"], query)
+        return flask.Response(content, mimetype="application/octet-stream", headers={"X-Name": name})
+
+    return {
+        "/curve": lambda body, session, query: explorer.curve(session, query),
+        "/details": lambda body, session, query: explorer.details(session, query),
+        "/map": lambda body, session, query: explorer.jump_map(session, query, body.get("axes")),
+        "/measured": measured,
+        "/save/<kind>": file,
+    }
+
+
 def application(explorer: Explorer, title: str, token: str, hosts: Callable[[], set[str]]) -> Any:
     """Return the Flask application of an explorer; ValueError if Flask is not installed.
 
@@ -104,20 +123,7 @@ def application(explorer: Explorer, title: str, token: str, hosts: Callable[[], 
             text = error.args[0] if isinstance(error, KeyError) and error.args else error
             return flask.jsonify(error=str(text))  # no error status, for the same reason: the page shows the sentence
 
-    def file(body: dict[str, Any], session: str, query: Request) -> Any:
-        name, content = explorer.saved_as(session, body["kind"], query)
-        return flask.Response(content, mimetype="application/octet-stream", headers={"X-Name": name})
-
-    answers: dict[str, Answer] = {
-        "/curve": lambda body, session, query: explorer.curve(session, query),
-        "/details": lambda body, session, query: explorer.details(session, query),
-        "/map": lambda body, session, query: explorer.jump_map(session, query, body.get("axes")),
-        "/measured": lambda body, session, query: explorer.measured(
-            query, _bytes(body.get("content")), str(body.get("name", "points"))[:80]
-        ),
-        "/save/<kind>": file,
-    }
-    for path, answer in answers.items():
+    for path, answer in _answers(flask, explorer).items():
         app.add_url_rule(path, path, partial(answered, answer), methods=["POST"])
 
     @app.get("/")
