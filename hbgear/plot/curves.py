@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -36,6 +37,7 @@ from hbgear.plot.style import (
     dress,
     heighten,
     in_words,
+    line_of,
     mark_special_points,
     scaled_axes,
     styled,
@@ -43,6 +45,10 @@ from hbgear.plot.style import (
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+
+BACKGROUND: Any = {"jumps": False, "legend": False, "speeds": False}
+"""Options of `response` for a curve on which other results are drawn."""
 
 
 @checked_arguments(branch="one Branch, as trace and load give it; responses draws several")
@@ -149,14 +155,8 @@ def response(
             heighten(ax)
         frame = None
         if is_new:
-            frame = enlarge(
-                ax,
-                branch,
-                abscissa,
-                amplitude,
-                element,
-                lambda inset, factor: _curve(inset, branch, x, amplitude, element, color, None, enlarged=factor),
-            )
+            draw = partial(_curve, branch=branch, x=x, amplitude=amplitude, element=element, color=color, label=None)
+            frame = enlarge(ax, branch, abscissa, amplitude, element, draw)
         if legend:
             add_legend(ax)
         if legend and is_new:
@@ -242,17 +242,9 @@ def responses(
         ax = axes_or_new(ax, (6.4, 3.8))
         colours, shown = branch_colours(len(branches)), _evenly(len(branches), len(BRANCHES))
         for i, branch in enumerate(branches):
-            name = f"({i + 1}) {names[i]}" if names else f"branch {i + 1}"
-            _curve(
-                ax,
-                branch,
-                abscissa.along(branch),
-                height.along(branch),
-                element,
-                colours[i],
-                name if i in shown else "_curve",
-                WIDTHS,
-            )
+            name = "_curve" if i not in shown else f"({i + 1}) {names[i]}" if names else f"branch {i + 1}"
+            x, amplitude = abscissa.along(branch), height.along(branch)
+            _curve(ax, branch, x, amplitude, element, colours[i], name, WIDTHS)
         for branch, branch_landings in zip(branches, landings(branches), strict=True):
             for landing in branch_landings:
                 _arrow(ax, branch, landing.jump, abscissa, height)
@@ -317,18 +309,10 @@ def _curve(
     smooth = SmoothCurve(x, amplitude)
     for (regime, stable), first, last in sections(branch, element):
         name = "_curve" if color or regime == "unknown" else in_words(regime)
-        style, width = LINES[stable]
+        look = line_of(stable) | {"color": color or COLOURS[regime], "marker": "." if first == last else None}
         if widths:
-            width = widths[regime] * width / LINES[True][1]
-        ax.plot(
-            *smooth.between(first, last, enlarged),
-            linestyle=style,
-            linewidth=width,
-            color=color or COLOURS[regime],
-            marker="." if first == last else None,
-            label=label or name,
-            gid=f"branch {regime} {stable}",
-        )
+            look["linewidth"] = widths[regime] * look["linewidth"] / LINES[True][1]
+        ax.plot(*smooth.between(first, last, enlarged), **look, label=label or name, gid=f"branch {regime} {stable}")
 
 
 def _widen_constant(ax: Axes) -> None:

@@ -21,11 +21,11 @@ from hbgear.plot.branch_sections import sections
 from hbgear.plot.style import (
     BRANCHES,
     COLOURS,
-    LINES,
     add_legend,
     axes_or_new,
     dress,
     dress_with_speeds,
+    line_of,
     mark_special_points,
     styled,
 )
@@ -99,14 +99,10 @@ def backbone(
     height = Ordinate(measure, element, dimensionless=dimensionless)
     with styled():
         ax = axes_or_new(ax, (4.6, 3.2))
-        line = {
-            "color": COLOURS["no_impact"] if is_new else "black",
-            "linestyle": "-" if is_new else "-.",
-            "linewidth": 1.2,
-        }
+        colour, line = (COLOURS["no_impact"], "-") if is_new else ("black", "-.")
+        look = {"color": colour, "linestyle": line, "linewidth": 1.2, **style}
         x = abscissa.scale * curve.tracked["Omega"]
-        y = height.along(curve)
-        _add_line(ax, x, y, stability, {**line, **style}, label or "_")
+        _add_line(ax, x, height.along(curve), stability, look, label or "_")
         if is_new:
             unit = " [-]" if abscissa.above and not abscissa.is_speed else ""
             ax.set_xlabel(
@@ -281,21 +277,9 @@ def torus(
         parts = sections(tori, element)
         named = next((i for i, ((_, stable), *_) in enumerate(parts) if stable is True), 0)
         for i, ((_, stable), first, last) in enumerate(parts):
-            kind, width = LINES[stable]
-            line: dict[str, Any] = {
-                "color": BRANCHES[0],
-                "linewidth": width,
-                "linestyle": kind,
-                "marker": "." if first == last else None,
-            }
-            ax.plot(
-                x[first : last + 1],
-                y[first : last + 1],
-                **(line | style),
-                label=label if label and i == named else "_",
-                zorder=4,
-                gid="tori",
-            )
+            rows, name = slice(first, last + 1), label if label and i == named else "_"
+            look = {"color": BRANCHES[0], **line_of(stable), "marker": "." if first == last else None, **style}
+            ax.plot(x[rows], y[rows], **look, label=name, zorder=4, gid="tori")
         mark_special_points(ax, tori, abscissa, height, kinds=("LP", "SM"))
         if is_new:
             name = _element_name(layout, element)

@@ -12,7 +12,7 @@ from hbgear.common.arrays import Array
 from hbgear.continuation.results.branch import Branch
 from hbgear.harmonic.bifurcations.events import named
 from hbgear.plot.branch_sections import sections
-from hbgear.plot.style import GREY, current_font
+from hbgear.plot.style import GREY, current_font, symbol_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -30,12 +30,7 @@ _MIN_VISIBLE_LENGTH = 18.0
 
 
 def enlarge(
-    ax: Axes,
-    branch: Branch,
-    abscissa: Abscissa,
-    amplitude: Array,
-    element: int | str,
-    draw: Callable[[Axes, float], None],
+    ax: Axes, branch: Branch, abscissa: Abscissa, amplitude: Array, element: int | str, draw: Callable[..., None]
 ) -> Any:
     """Draw the longest of the unstable sections below `_MIN_VISIBLE_LENGTH` enlarged on inset axes.
 
@@ -60,23 +55,14 @@ def enlarge(
     points = slice(first, last + 1)
     ends = [_with_margin(values[points]) for values in (x, amplitude)]
     enlarged = max(float(np.ptp(v) / np.ptp(limits)) for v, limits in zip((x, amplitude), ends, strict=True))
-    draw(zoomed, enlarged)
+    draw(zoomed, enlarged=enlarged)
     for point in map(named, branch.special):
         position = (abscissa.at(branch, point.parameters[branch.parameter]), float(amplitude[point.index]))
-        zoomed.plot(
-            *position,
-            point.marker,
-            markersize=4.0,
-            markerfacecolor="black" if point.certificate else "white",
-            markeredgecolor="black",
-            markeredgewidth=0.9,
-            zorder=4,
-        )
+        zoomed.plot(*position, **symbol_of(point), markersize=4.0, markeredgewidth=0.9, zorder=4)
     zoomed.set(xlim=ends[0], ylim=ends[1])
     zoomed.locator_params(nbins=4)
-    zoomed.tick_params(
-        direction="in", top=True, right=True, width=0.6, labelsize=7, labelfontfamily=current_font(), pad=2
-    )
+    ticks: Any = {"direction": "in", "top": True, "right": True, "width": 0.6, "pad": 2}
+    zoomed.tick_params(**ticks, labelsize=7, labelfontfamily=current_font())
     ax.indicate_inset_zoom(zoomed, edgecolor=GREY, linewidth=0.6)
     return frame
 

@@ -106,19 +106,16 @@ class Labels(Artist):
         """Add a mark with its label; a label that another curve already has gets the number of its curve."""
         other_labels = {mark.text.get_text() for mark in self.marks if mark.curve != curve}
         name = f"{label} ({curve})" if label in other_labels else label
-        horizontal, vertical = _ALIGN[side[0]][0], _ALIGN[side[1]][1]
-        text = self.axes.annotate(
-            name if has_label else "",
-            _data_position(line),
-            (5 * side[0], 5 * side[1]),
-            textcoords="offset points",
-            fontsize=8,
-            ha=horizontal,
-            va=vertical,
-            zorder=7,
-            gid=f"label {label}",
-            bbox=_BACKGROUND,
-        )
+        look: Any = {
+            "ha": _ALIGN[side[0]][0],
+            "va": _ALIGN[side[1]][1],
+            "fontsize": 8,
+            "zorder": 7,
+            "bbox": _BACKGROUND,
+        }
+        at, offset = _data_position(line), (5 * side[0], 5 * side[1])
+        written = name if has_label else ""
+        text = self.axes.annotate(written, at, offset, textcoords="offset points", gid=f"label {label}", **look)
         text.set_in_layout(False)
         self.marks.append(Mark(line, text, curve, kind, name, has_label, side))
 

@@ -61,6 +61,18 @@ LINES: dict[bool | str | None, tuple[Any, float]] = {
 """Line style and width [pt] of stable, unstable and undecided motions, and of those of unknown stability (None)."""
 
 
+def line_of(stable: bool | str | None) -> dict[str, Any]:
+    """Return the line style and width of motions of a stability, as properties of a line."""
+    style, width = LINES[stable]
+    return {"linestyle": style, "linewidth": width}
+
+
+def symbol_of(point: SpecialPoint) -> dict[str, Any]:
+    """Return the symbol of a special point, filled if it is certified, as properties of a line."""
+    face = "black" if point.certificate else "white"
+    return {"linestyle": "none", "marker": point.marker, "markeredgecolor": "black", "markerfacecolor": face}
+
+
 def legend_entry(event: Event | SpecialPoint) -> str:
     """Return the legend entry of a kind of special points: its meaning up to a colon, and the kind.
 
@@ -106,18 +118,13 @@ def mark_special_points(
         if kinds is not None and point.kind not in kinds:
             continue
         x, y = point.parameters[branch.parameter], height.at(point, branch)
-        (line,) = ax.plot(
-            abscissa.at(branch, x),
-            y,
-            point.marker,
-            markersize=4.5,
-            markeredgecolor="black",
-            markerfacecolor="black" if point.certificate else "white",
-            zorder=4,
-            gid=point.label,
-            markeredgewidth=1.6 if point.certificate else 0.9,
-            label=legend_entry(point),
-        )
+        look = {
+            "markersize": 4.5,
+            "markeredgewidth": 1.6 if point.certificate else 0.9,
+            "zorder": 4,
+            **symbol_of(point),
+        }
+        (line,) = ax.plot(abscissa.at(branch, x), y, **look, gid=point.label, label=legend_entry(point))
         around = branch.values[max(point.index - 1, 0) : point.index + 2]
         side = (1 if point.kind != "LP" or x >= around.mean() else -1, 0)
         text = f"{point.label} ({labels.curves})" if numbered else point.label

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -100,15 +100,9 @@ def runs(
             ax.plot(abscissa.along(curve), height.along(curve), ":", color=GREY, linewidth=0.9, label="curve", zorder=1)
         for run in both_runs:
             lines = [(abscissa.scale * section.values, _heights(section, height)) for section in run.sections]
+            look: Any = {"color": RUNS[run.direction], "linewidth": _RUN_WIDTHS[run.direction]}
             for x, y in lines:
-                ax.plot(
-                    x,
-                    y,
-                    color=RUNS[run.direction],
-                    linewidth=_RUN_WIDTHS[run.direction],
-                    label=f"run-{run.direction}",
-                    gid=f"run {run.direction}",
-                )
+                ax.plot(x, y, **look, label=f"run-{run.direction}", gid=f"run {run.direction}")
             _connect(ax, run, lines)
             for jump in run.jumps:
                 ends = [None if end is None else height.at(end, branch) for end in (jump.before, jump.after)]
@@ -190,17 +184,11 @@ def orders(
                 factor = Ordinate("rms", element, dimensionless=dimensionless).factor(branch)
                 cut = partial(_harmonic, order=order, element=element, derivative=derivative, factor=factor)
             else:
-                cut = partial(
-                    order_levels, quantity=quantity, order=order, element=element, dof=dof, dimensionless=dimensionless
-                )
+                options: Any = {"quantity": quantity, "dof": dof, "dimensionless": dimensionless}
+                cut = partial(order_levels, order=order, element=element, **options)
             for section in found.sections:
-                ax.plot(
-                    abscissa.scale * section.values,
-                    _along(section, cut),
-                    color=colour,
-                    label=f"order {order}",
-                    gid=f"order {order}",
-                )
+                x, name = abscissa.scale * section.values, f"order {order}"
+                ax.plot(x, _along(section, cut), color=colour, label=name, gid=name)
             for jump in found.jumps:
                 ends = [None if end is None else float(cut(end)[0]) for end in (jump.before, jump.after)]
                 _arrow(ax, abscissa.scale * jump.value, ends, colour)
@@ -295,14 +283,9 @@ def waterfall(
                 middle = 0.5 * (relative[1:] + relative[:-1])
                 visible = middle > lowest
                 highest = max([highest, *frequency[1:][visible]])
-                segments = LineCollection(
-                    np.stack([points[:-1], points[1:]], axis=1)[visible],
-                    array=middle[visible],
-                    cmap=shades,
-                    clim=(lowest, 0.0),
-                    linewidths=3.0,
-                    gid=f"order {k}",
-                )
+                chords = np.stack([points[:-1], points[1:]], axis=1)[visible]
+                look: Any = {"array": middle[visible], "cmap": shades, "clim": (lowest, 0.0), "linewidths": 3.0}
+                segments = LineCollection(chords, **look, gid=f"order {k}")
                 ax.add_collection(segments)
         values = abscissa.scale * found.values
         ax.set_xlim(values.min(), values.max())
@@ -323,32 +306,14 @@ def waterfall(
 def _order_lines(ax: Axes, slope: float) -> None:
     """Draw thin lines along the first orders, with their numbers at the edges; ``slope`` is that of order 1."""
     right, top = ax.get_xlim()[1], ax.get_ylim()[1]
+    line: Any = {"color": GREY, "linewidth": 0.5, "zorder": 0.5, "scalex": False, "scaley": False}
     for order in range(1, _NUMBERED_ORDERS + 1):
-        ax.plot(
-            [0, 2 * right],
-            [0, 2 * right * order * slope],
-            color=GREY,
-            linewidth=0.5,
-            linestyle="--",
-            zorder=0.5,
-            scalex=False,
-            scaley=False,
-            gid=f"line of order {order}",
-        )
+        ax.plot([0, 2 * right], [0, 2 * right * order * slope], "--", **line, gid=f"line of order {order}")
         x, y = (right, right * order * slope) if right * order * slope < top else (top / (order * slope), top)
         if x < ax.get_xlim()[0]:
             continue
-        ax.annotate(
-            f"{order}",
-            (x, y),
-            (-3, -3),
-            textcoords="offset points",
-            ha="right",
-            va="top",
-            fontsize=8,
-            color="#444444",
-            gid=f"number of order {order}",
-        )
+        text: Any = {"textcoords": "offset points", "ha": "right", "va": "top", "fontsize": 8, "color": "#444444"}
+        ax.annotate(f"{order}", (x, y), (-3, -3), **text, gid=f"number of order {order}")
 
 
 _NUMBERED_ORDERS = 5
@@ -399,13 +364,8 @@ def _connect(ax: Axes, run: RunUp, lines: Sequence[tuple[Array, Array]]) -> None
     jumps = [jump.value for jump in run.jumps]
     for section, before, after in zip(run.sections[1:], lines, lines[1:], strict=False):
         if section.values[0] not in jumps:
-            ax.plot(
-                [before[0][-1], after[0][0]],
-                [before[1][-1], after[1][0]],
-                color=RUNS[run.direction],
-                linewidth=0.8,
-                gid="on another curve",
-            )
+            x, y = ([end[-1], start[0]] for end, start in zip(before, after, strict=True))
+            ax.plot(x, y, color=RUNS[run.direction], linewidth=0.8, gid="on another curve")
 
 
 def _quantity(branch: Branch, element: int | str, derivative: int, dimensionless: bool) -> str:

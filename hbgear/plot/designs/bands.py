@@ -18,7 +18,7 @@ from hbgear.harmonic.equations.layout import layout_of
 from hbgear.mechanics.series.measures import axis_text
 from hbgear.plot.branch_sections import HEADROOM, bounded, sections
 from hbgear.plot.curves import name_axes
-from hbgear.plot.style import COLOURS, LINES, SPEEDS, add_legend, axes_or_new, dress, in_words, styled
+from hbgear.plot.style import COLOURS, SPEEDS, add_legend, axes_or_new, dress, in_words, line_of, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -120,15 +120,7 @@ _MAX_NORMAL_ROTATION = 0.1
 def _curve(ax: Axes, found: ResponseBand) -> None:
     """Draw the curve in the colours of its regimes, dashed where it is unstable."""
     for (regime, stable), first, last in sections(found.branch, found.element):
-        style, width = LINES[stable]
-        rows = slice(first, last + 1)
+        x, y = (values[first : last + 1] for values in (found.frequency, found.amplitude))
+        look = line_of(stable) | {"color": COLOURS[regime]}
         name = "_curve" if regime == "unknown" else in_words(regime)
-        ax.plot(
-            found.frequency[rows],
-            found.amplitude[rows],
-            linestyle=style,
-            linewidth=width,
-            color=COLOURS[regime],
-            label=name,
-            gid=f"branch {regime} {stable}",
-        )
+        ax.plot(x, y, **look, label=name, gid=f"branch {regime} {stable}")

@@ -78,9 +78,8 @@ def measured(
                 ax.plot(x[rows], amplitude[rows], marker, color=colour, label=name, zorder=5, **HOLLOW)
         unit = data.frequency_unit(units_of(model))
         for frequency, direction, _ in data.jumps:
-            ax.axvline(
-                abscissa.scale * frequency / unit, color=SWEEPS[direction][1], linewidth=0.7, linestyle=":", zorder=0
-            )
+            look: Any = {"color": SWEEPS[direction][1], "linewidth": 0.7, "linestyle": ":", "zorder": 0}
+            ax.axvline(abscissa.scale * frequency / unit, **look)
         dress(ax)
         if legend:
             add_legend(ax)
@@ -125,9 +124,8 @@ def fitted(found: Fit, *, dimensionless: bool = False) -> Figure:
     with styled():
         figure = new_figure(5.4, 4.8)
         axes: Any = figure.subplots(2, 1, sharex=True, height_ratios=(2.4, 1))
-        response(
-            found.curve, data.measure, data.element, axes[0], legend=False, speeds=False, dimensionless=dimensionless
-        )
+        options: Any = {"legend": False, "speeds": False, "dimensionless": dimensionless}
+        response(found.curve, data.measure, data.element, axes[0], **options)
         measured(data, found.model, axes[0], legend=False, dimensionless=dimensionless)
         missed = ~found.reached
         if missed.any():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from itertools import cycle
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -109,15 +109,8 @@ def _mark(
     """Mark special points in the plane of two parameters, with their values on request."""
     for point in map(named, points):
         position = point.parameters[plane[0]], scale * point.parameters[plane[1]]
-        (symbol,) = ax.plot(
-            *position,
-            point.marker,
-            markersize=8,
-            color="black",
-            markerfacecolor="white",
-            label=legend_entry(point),
-            gid=point.label,
-        )
+        look: Any = {"marker": point.marker, "color": "black", "markerfacecolor": "white", "linestyle": "none"}
+        (symbol,) = ax.plot(*position, **look, markersize=8, label=legend_entry(point), gid=point.label)
         if with_values:
             text = f"{short(position[0], 5)}, {short(position[1], 4)}{unit}"
             labels_of(ax).add(symbol, 0, text, text, True, (0, 1))
@@ -189,13 +182,6 @@ def _shade(ax: Axes, jumps: JumpMap, scale: float) -> None:
     """Shade the frequencies at which the curve has several motions, for each value of the parameter."""
     ends = [x for arm in jumps.arms for x in (arm.values[0], arm.values[-1])]
     values = np.unique(np.concatenate([np.linspace(*jumps.span, 600), ends]))
+    look: Any = {"color": COLOURS["single_sided"], "alpha": 0.18, "linewidth": 0, "label": "several motions"}
     for low, high in jumps.bands(values):
-        ax.fill_between(
-            values,
-            scale * low,
-            scale * high,
-            color=COLOURS["single_sided"],
-            alpha=0.18,
-            linewidth=0,
-            label="several motions",
-        )
+        ax.fill_between(values, scale * low, scale * high, **look)

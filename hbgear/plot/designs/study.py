@@ -118,18 +118,9 @@ def envelope(
                 _bands(ax, x, groups, colour, line, ("_", names[direction], "_median of most cases"))
         unstable = np.isnan(rising).all(axis=0) & np.isnan(falling).all(axis=0)
         if unstable.any():  # the curve is unstable there in every case, as where its period has doubled
-            ax.fill_between(
-                x,
-                0,
-                1,
-                where=unstable.tolist(),
-                transform=ax.get_xaxis_transform(),
-                facecolor="none",
-                edgecolor="0.6",
-                hatch="////",
-                linewidth=0,
-                label="no stable motion",
-            )
+            look: Any = {"facecolor": "none", "edgecolor": "0.6", "hatch": "////", "linewidth": 0}
+            height = ax.get_xaxis_transform()  # of the axes
+            ax.fill_between(x, 0, 1, unstable.tolist(), transform=height, label="no stable motion", **look)
         ax.set_xlim(x[0], x[-1])
         ax.set_ylim(bottom=0.0, top=_top(found, dimensionless))
         ax.set_xlabel(abscissa.label)
@@ -193,14 +184,8 @@ def _bands(ax: Axes, Omega: Array, groups: list[Array], colour: str, line: str, 
         ax.fill_between(Omega, lowest, largest, color=colour, alpha=0.13, linewidth=0, label=labels[0])
         ax.fill_between(Omega, low, high, color=colour, alpha=0.3, linewidth=0, label=labels[1])
         median = np.where(counts.argmax(axis=0) == i, middle, np.nan)
-        ax.plot(
-            *_broken(Omega, median, group),
-            line,
-            color=colour if names[0] == "_" else "black",
-            linewidth=1.1,
-            label=labels[2],
-            gid="median",
-        )
+        style: Any = {"color": colour if names[0] == "_" else "black", "linewidth": 1.1}
+        ax.plot(*_broken(Omega, median, group), line, **style, label=labels[2], gid="median")
 
 
 def _broken(Omega: Array, line: Array, group: Array) -> tuple[Array, Array]:
@@ -459,18 +444,9 @@ def _dots(ax: Axes, found: Cases, name: str, column: str, scale: Array) -> None:
     marker, _, colour, label = JUMPS.get(column, ("o", "", COLOURS["no_impact"], "_"))
     x, y = found.table[name], scale * found.table[column]
     finite = np.isfinite(y)
-    ax.plot(
-        x[finite],
-        y[finite],
-        marker,
-        color=colour,
-        markersize=3.0 if len(x) < 300 else 1.8,
-        alpha=0.75,
-        markeredgewidth=0,
-        label=label,
-        rasterized=len(x) > _MAX_VECTOR_CASES,
-        gid=column,
-    )
+    look: Any = {"color": colour, "markersize": 3.0 if len(x) < 300 else 1.8, "alpha": 0.75, "markeredgewidth": 0}
+    is_large = len(x) > _MAX_VECTOR_CASES
+    ax.plot(x[finite], y[finite], marker, **look, label=label, gid=column, rasterized=is_large)
 
 
 def _wrapped(label: str, width: int = 24) -> str:

@@ -51,29 +51,17 @@ def campbell(found: Campbell, ax: Axes | None = None, *, legend: bool = True, di
         ax = axes_or_new(ax, (5.6, 3.6))
         for i, column in enumerate(found.frequencies.T):
             word, first = senses[i], senses.index(senses[i]) == i
-            ax.plot(
-                speeds,
-                column * unit,
-                color=COLOURS["no_impact"],
-                linewidth=1.1,
-                linestyle="-." if word == "backward" else "-",
-                label=_label(word) if first else "_",
-                gid=f"mode {i + 1}",
-            )
+            line, label = "-." if word == "backward" else "-", _label(word) if first else "_"
+            colour, gid = COLOURS["no_impact"], f"mode {i + 1}"
+            ax.plot(speeds, column * unit, line, color=colour, linewidth=1.1, label=label, gid=gid)
         # modes above 1.5 times the highest order are left out
         highest = 1.5 * max(found.orders.values(), default=np.inf) * found.Omega[-1]
         top = 1.05 * unit * min(float(np.nanmax(found.frequencies, initial=0.0)), highest) or 1.0
         for i, (name, order) in enumerate(found.orders.items()):
             word = "mesh" if name == "Omega" and abscissa.is_speed else name
-            ax.plot(
-                speeds,
-                order * found.Omega * unit,
-                color=BRANCHES[(i + 1) % len(BRANCHES)],
-                linestyle="--",
-                linewidth=0.9,
-                label=f"order {order:.4g}: {word}",
-                gid=f"order {name}",
-            )
+            colour, label = BRANCHES[(i + 1) % len(BRANCHES)], f"order {order:.4g}: {word}"
+            frequency = order * found.Omega * unit
+            ax.plot(speeds, frequency, "--", color=colour, linewidth=0.9, label=label, gid=f"order {name}")
         if found.critical:
             points = [(abscissa.scale * speed.Omega, speed.frequency * unit) for speed in found.critical]
             ax.plot(*zip(*points, strict=True), "o", color="black", markersize=3.4, label="critical speed", zorder=3)

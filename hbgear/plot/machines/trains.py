@@ -14,7 +14,7 @@ from hbgear.gears.trains.train import Train
 from hbgear.gears.trains.train_kinematics import inner_first
 from hbgear.harmonic.equations.layout import layout_of
 from hbgear.plot.branch_sections import sections
-from hbgear.plot.style import BRANCHES, COLOURS, GREY, LINES, axes_or_new, dress, legend_handles, styled
+from hbgear.plot.style import BRANCHES, COLOURS, GREY, LINES, axes_or_new, dress, legend_handles, line_of, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -115,15 +115,8 @@ def planetary(machine: PlanetarySet, ax: Axes | None = None) -> Axes:
         ax.plot(0, 0, "+", color="black", markersize=5)
         for n, psi in enumerate(machine.angles):
             centre = distance * np.array([np.cos(psi), np.sin(psi)])
-            ax.plot(
-                *np.array([[0, 0], centre]).T,
-                "-",
-                color=GREY,
-                linewidth=2.2,
-                zorder=1,
-                gid=f"carrier {n + 1}",
-                label=f"carrier, {_role(machine, 'carrier')}",
-            )
+            arm: Any = {"color": GREY, "linewidth": 2.2, "zorder": 1, "label": f"carrier, {_role(machine, 'carrier')}"}
+            ax.plot(*np.array([[0, 0], centre]).T, "-", **arm, gid=f"carrier {n + 1}")
             ax.add_patch(Circle(tuple(centre), planet, fill=False, edgecolor=BRANCHES[1], linewidth=1.2, zorder=2))
             text = f"p{n + 1}\n{cycles[0, n]:.3g} | {cycles[1, n]:.3g}"
             ax.annotate(text, tuple(centre), ha="center", va="center", fontsize=8, zorder=5, bbox=_BEHIND)
@@ -159,16 +152,9 @@ def _role(machine: PlanetarySet, name: str) -> str:
 
 
 def _circle(ax: Axes, centre: np.ndarray, r: float, label: str, heavy: bool) -> None:
-    theta = np.linspace(0, 2 * np.pi, 200)
-    ax.plot(
-        centre[0] + r * np.cos(theta),
-        centre[1] + r * np.sin(theta),
-        "-",
-        label=label,
-        zorder=2,
-        color=COLOURS["no_impact"] if heavy else BRANCHES[2],
-        linewidth=2.2 if heavy else 1.2,
-    )
+    theta, colour = np.linspace(0, 2 * np.pi, 200), COLOURS["no_impact"] if heavy else BRANCHES[2]
+    x, y = centre[0] + r * np.cos(theta), centre[1] + r * np.sin(theta)
+    ax.plot(x, y, "-", label=label, zorder=2, color=colour, linewidth=2.2 if heavy else 1.2)
 
 
 @checked_arguments()
@@ -203,26 +189,11 @@ def load_sharing(found: LoadSharing, ax: Axes | None = None) -> Axes:
         for j, name in enumerate(found.meshes):
             colour = BRANCHES[j % len(BRANCHES)]
             for i, ((_, stable), first, last) in enumerate(sections(curve, 0)):
-                points = slice(first, last + 1)
-                style, width = LINES[stable]
-                ax.plot(
-                    curve.values[points],
-                    found.factor[points, j],
-                    linestyle=style,
-                    linewidth=width,
-                    color=colour,
-                    label="_" if i else f"{name}: largest",
-                    gid=f"mesh {name}",
-                )
-            ax.plot(
-                curve.values,
-                n * found.share[:, j],
-                color=colour,
-                linewidth=0.7,
-                alpha=0.7,
-                label=f"{name}: mean" if n <= 4 else "_",
-                gid=f"mean {name}",
-            )
+                x, y = curve.values[first : last + 1], found.factor[first : last + 1, j]
+                label = "_" if i else f"{name}: largest"
+                ax.plot(x, y, **line_of(stable), color=colour, label=label, gid=f"mesh {name}")
+            mean, label = n * found.share[:, j], f"{name}: mean" if n <= 4 else "_"
+            ax.plot(curve.values, mean, color=colour, linewidth=0.7, alpha=0.7, label=label, gid=f"mean {name}")
         ax.set_xlabel(_label(curve))
         ax.set_ylabel("force over the mean of all meshes [-]")
         if "unstable" in curve.stability:
@@ -298,22 +269,11 @@ def _arrow(ax: Axes, centre: np.ndarray, r: float, speed: float, angle: float = 
 
     if speed:
         turn = np.sign(speed)
-        begin, end = (
-            centre + r * np.array([np.cos(a), np.sin(a)])
-            for a in (angle - 0.5 * extent * turn, angle + 0.5 * extent * turn)
-        )
-        ax.add_patch(
-            FancyArrowPatch(
-                tuple(begin),
-                tuple(end),
-                connectionstyle=f"arc3,rad={0.3 * turn}",
-                zorder=3,
-                arrowstyle="-|>",
-                mutation_scale=9,
-                color=COLOURS["no_impact"],
-                linewidth=1.0,
-            )
-        )
+        ends = angle - 0.5 * extent * turn, angle + 0.5 * extent * turn
+        begin, end = (tuple(centre + r * np.array([np.cos(a), np.sin(a)])) for a in ends)
+        look: Any = {"arrowstyle": "-|>", "mutation_scale": 9, "color": COLOURS["no_impact"], "linewidth": 1.0}
+        arc = f"arc3,rad={0.3 * turn}"
+        ax.add_patch(FancyArrowPatch(begin, end, connectionstyle=arc, zorder=3, **look))
 
 
 def _line_of_action(
@@ -338,12 +298,5 @@ def _line_of_action(
     n = np.array([[np.cos(phi), -np.sin(phi)], [np.sin(phi), np.cos(phi)]]) @ n
     ends = np.array([pitch - 0.55 * r * n, pitch + 0.55 * r * n])
     colour = BRANCHES[(i + 1) % len(BRANCHES)]
-    cycles = motion.lags[i] / (2 * np.pi)
-    ax.plot(
-        *ends.T,
-        color=colour,
-        linewidth=1.5,
-        zorder=3,
-        gid=f"mesh {mesh.name}",
-        label=f"{mesh.name}: order {motion.orders[i]}, lag {cycles:.3g} cycles",
-    )
+    label = f"{mesh.name}: order {motion.orders[i]}, lag {motion.lags[i] / (2 * np.pi):.3g} cycles"
+    ax.plot(*ends.T, color=colour, linewidth=1.5, zorder=3, gid=f"mesh {mesh.name}", label=label)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from hbgear.mechanics.models import Model
 from hbgear.mechanics.series.fourier import evaluate
 from hbgear.mechanics.series.measures import axis_text
 from hbgear.plot.branch_sections import sections
-from hbgear.plot.curves import response
+from hbgear.plot.curves import BACKGROUND, response
 from hbgear.plot.style import GREY, add_legend, axes_or_new, dots, dress_with_speeds, styled
 from hbgear.time.attractors.bifurcation_diagram import BifurcationDiagram
 from hbgear.time.attractors.verdicts import Verdict
@@ -113,18 +113,8 @@ def bifurcation_diagram(
         ax = axes_or_new(ax, (5.6, 3.7))
         for curve in curves:
             if measure:
-                response(
-                    curve,
-                    measure,
-                    element,
-                    ax,
-                    color=GREY,
-                    label="periodic motions",
-                    jumps=False,
-                    legend=False,
-                    speeds=False,
-                    dimensionless=dimensionless,
-                )
+                options: Any = {**BACKGROUND, "color": GREY, "dimensionless": dimensionless}
+                response(curve, measure, element, ax, label="periodic motions", **options)
             else:
                 _section_lines(ax, curve, element, rate, abscissa.scale, factor)
         for verdict, colour in VERDICTS.items():
@@ -171,14 +161,7 @@ def _section_lines(ax: Axes, curve: Branch, element: int | str, rate: bool, scal
         Omega = np.array([curve.parameters_at(i)["Omega"] for i in range(len(curve))])
         height = height * (Omega / layout.nu)[:, None]
     for (_, stable), i, j in sections(curve, element):
+        line, state = ("--", "unstable") if stable is False else ("-", "stable")
+        look: Any = {"color": GREY, "linewidth": 0.9, "zorder": 1, "gid": state, "label": f"curve, {state}"}
         for column in height.T:
-            ax.plot(
-                scale * curve.values[i : j + 1],
-                column[i : j + 1],
-                "--" if stable is False else "-",
-                color=GREY,
-                linewidth=0.9,
-                zorder=1,
-                gid="unstable" if stable is False else "stable",
-                label=f"curve, {'unstable' if stable is False else 'stable'}",
-            )
+            ax.plot(scale * curve.values[i : j + 1], column[i : j + 1], line, **look)

@@ -23,7 +23,7 @@ from hbgear.continuation.results.branch import Branch
 from hbgear.harmonic.models.frequency_units import length_scale, model_of, scales
 from hbgear.mechanics.models import Model
 from hbgear.mechanics.series.measures import axis_text, motion_text
-from hbgear.plot.curves import response
+from hbgear.plot.curves import BACKGROUND, response
 from hbgear.plot.style import (
     COLOURS,
     GREY,
@@ -131,45 +131,39 @@ def sweeps(
         ax = axes_or_new(ax, (7.0, 3.7))
         curves = () if branch is None else branch.curves
         for curve in curves:
-            response(
-                curve,
-                measure,
-                element,
-                ax,
-                special=len(curves) == 1,
-                jumps=False,
-                legend=False,
-                speeds=False,
-                dimensionless=dimensionless,
-            )
-        bands: dict[str, Any] = {}
+            options: Any = {**BACKGROUND, "special": len(curves) == 1, "dimensionless": dimensionless}
+            response(curve, measure, element, ax, **options)
         for s in found:
             _dots(ax, s, abscissa.scale * s.values, factor * s.amplitude(measure, element))
-            for jump in s.jumps:
-                bands[f"{DIRECTIONS[s.direction][2]}, jump"] = ax.axvspan(
-                    *sorted(abscissa.scale * x for x in jump.interval),
-                    color=DIRECTIONS[s.direction][1],
-                    alpha=0.12,
-                    linewidth=0,
-                    zorder=0,
-                )
+        bands = _shade_jumps(ax, found, abscissa.scale)
         if branch is None:
             ax.set_xlabel(abscissa.label)
             motion = _name(found[0], element)
             ax.set_ylabel(in_figure(axis_text(measure, motion if length is None else in_micrometres(motion))))
         dress_with_speeds(ax, abscissa.above if is_new else {})
         if legend:
-            add_legend(ax)
-            old: Any = ax.get_legend()
-            names = [text.get_text() for text in old.get_texts()]
-            ax.legend(
-                [*old.legend_handles, *bands.values()],
-                [*names, *bands],
-                loc="upper left",
-                bbox_to_anchor=(1.01, 1.0),
-                handlelength=2.2,
-            )
+            _add_legend(ax, bands)
     return ax
+
+
+def _shade_jumps(ax: Axes, found: Sequence[Sweep], scale: float) -> dict[str, Any]:
+    """Shade the steps in which sweeps jumped; return one band of each direction by its legend entry."""
+    bands: dict[str, Any] = {}
+    for s in found:
+        _, colour, name = DIRECTIONS[s.direction]
+        for jump in s.jumps:
+            ends = sorted(scale * x for x in jump.interval)
+            bands[f"{name}, jump"] = ax.axvspan(*ends, color=colour, alpha=0.12, linewidth=0, zorder=0)
+    return bands
+
+
+def _add_legend(ax: Axes, bands: dict[str, Any]) -> None:
+    """Add a legend to the right of the axes, of all lines and of bands by their entries."""
+    add_legend(ax)
+    lines: Any = ax.get_legend()
+    handles = [*lines.legend_handles, *bands.values()]
+    names = [*(text.get_text() for text in lines.get_texts()), *bands]
+    ax.legend(handles, names, loc="upper left", bbox_to_anchor=(1.01, 1.0), handlelength=2.2)
 
 
 def _axis(s: Sweep, model: Model | None, dimensionless: bool) -> OmegaAxis:
@@ -187,20 +181,15 @@ def _dots(ax: Axes, s: Sweep, x: Any, height: Any) -> None:
         (s.period > 1, {"marker": marker, "markerfacecolor": "white"}, f"{name}, longer period"),
         (s.period == 0, {"marker": "+"}, f"{name}, not periodic"),
     )
+    common = {"markersize": 3.6, "markeredgecolor": colour, "markeredgewidth": 0.7, "zorder": 5}
     for selected, style, label in kinds:
-        if selected.any():
-            ax.plot(
-                x[selected],
-                height[selected],
-                linestyle="none",
-                markersize=3.6,
-                markeredgecolor=colour,
-                markeredgewidth=0.7,
-                label=label,
-                zorder=5,
-                gid=label,
-                **style,
-            )
+        _draw_selected(ax, x, height, selected, label, **common, **style)
+
+
+def _draw_selected(ax: Axes, x: Any, y: Any, selected: Any, label: str, **style: Any) -> None:
+    """Draw selected points as markers, if there are any."""
+    if selected.any():
+        ax.plot(x[selected], y[selected], linestyle="none", label=label, gid=label, **style)
 
 
 @checked_arguments()
@@ -314,16 +303,8 @@ def basins(found: Basins, ax: Axes | None = None, *, model: Model | None = None,
         extent = (d[0] - half_d, d[-1] + half_d, v[0] - half_v, v[-1] + half_v)
         shades = ListedColormap([BASINS[i % len(BASINS)] for i in range(count)])
         labels = np.ma.masked_less(found.label, 0)  # initial states that were not integrated to the end are masked
-        ax.imshow(
-            labels,
-            origin="lower",
-            extent=extent,
-            aspect="auto",
-            cmap=shades,
-            vmin=-0.5,
-            vmax=count - 0.5,
-            interpolation="nearest",
-        )
+        colours: Any = {"cmap": shades, "vmin": -0.5, "vmax": count - 0.5, "interpolation": "nearest"}
+        ax.imshow(labels, origin="lower", extent=extent, aspect="auto", **colours)
         for i, a in enumerate(found.attractors):
             aperiodic = "not periodic" if np.isfinite(a.rms) else "unbounded"
             size = f"{a.rms:.4g}" if physical is None else f"{units[0] * a.rms:.4g} {in_figure_unit('um')}"
@@ -331,16 +312,9 @@ def basins(found: Basins, ax: Axes | None = None, *, model: Model | None = None,
             cloud = not a.period and len(a.points) > 0
             symbol = "o" if cloud else SYMBOLS[i % len(SYMBOLS)]
             style: dict[str, Any] = {"markersize": 1.5} if cloud else {"markersize": 6, "markeredgewidth": 0.6}
-            ax.plot(
-                *(units * a.points).T,
-                symbol,
-                color=INKS[i % len(INKS)],
-                markeredgecolor="white",
-                zorder=5,
-                label=f"{name}: {a.share:.0%} of initial states",
-                gid=f"attractor {i}",
-                **style,
-            )
+            style |= {"color": INKS[i % len(INKS)], "markeredgecolor": "white", "zorder": 5}
+            label = f"{name}: {a.share:.0%} of initial states"
+            ax.plot(*(units * a.points).T, symbol, **style, label=label, gid=f"attractor {i}")
         ax.set_xlim(extent[0], extent[1])
         ax.set_ylim(extent[2], extent[3])
         quantity = found.labels.get("amplitude", "element coordinate")
@@ -392,32 +366,20 @@ def validation(report: Report, branch: Branch, element: int | str = 0, *, dimens
         figure = new_figure(6.4, 7.2)
         top, low = figure.subplots(2, 1)
         for curve in branch.curves:
-            response(curve, "rms", element, top, special=False, jumps=False, legend=False, dimensionless=dimensionless)
+            response(curve, "rms", element, top, special=False, **BACKGROUND, dimensionless=dimensionless)
         abscissa = Abscissa([branch], dimensionless)
         factor = Ordinate("rms", element, dimensionless=dimensionless).factor(branch)
         x = abscissa.scale * np.array([row.value for row in report.rows])
         sizes = [curve.amplitude("rms", element) for curve in branch.curves]
         rms = factor * np.array([sizes[row.curve - 1][row.index] for row in report.rows])
+        common = {"markersize": 4.5, "markeredgecolor": "white", "markeredgewidth": 0.5, "zorder": 6}
         for kind, name, colour, marker in (
             ((True, False), "agrees with integration", "#1b7f5a", "o"),
             ((True, True), REFINED, "#b36b00", "D"),
             ((False, False), "differs from integration", "#c01818", "X"),
         ):
             selected = np.array([(row.ok, row.refined) == kind for row in report.rows], dtype=bool)
-            if selected.any():
-                top.plot(
-                    x[selected],
-                    rms[selected],
-                    marker,
-                    linestyle="none",
-                    markersize=4.5,
-                    color=colour,
-                    markeredgecolor="white",
-                    markeredgewidth=0.5,
-                    label=name,
-                    zorder=6,
-                    gid=name,
-                )
+            _draw_selected(top, x, rms, selected, name, marker=marker, color=colour, **common)
         labels = labels_of(top)
         for number, (value, height) in enumerate(zip(x, rms, strict=True), 1):
             (line,) = top.plot(value, height, linestyle="none", label="_number", gid=f"point {number}")
@@ -441,59 +403,41 @@ def _differences(ax: Axes, report: Report) -> None:
         ("closure", "_", GREY, "closure of the period, not compared"),
     )
     number = np.arange(1, len(report.rows) + 1)
+    hollow: Any = {"markerfacecolor": "none", "linestyle": "none"}
     for i, (name, marker, colour, label) in enumerate(kinds):
         y = np.array([max(getattr(row, name), 1e-16) for row in report.rows])
-        ax.plot(
-            number + 0.13 * (i - 2),
-            y,
-            marker,
-            color=colour,
-            markersize=4,
-            markerfacecolor="none",
-            label=label,
-            gid=name,
-        )
+        x = number + 0.13 * (i - 2)
+        ax.plot(x, y, marker=marker, color=colour, markersize=4, label=label, gid=name, **hollow)
     refined = np.array([row.refined for row in report.rows], dtype=bool)
     if refined.any():
-        y = np.array([row.refined_error for row in report.rows])
-        ax.plot(
-            number[refined],
-            y[refined],
-            "*",
-            color="#b36b00",
-            markersize=7,
-            markerfacecolor="none",
-            label="rms, with more harmonics",
-            gid="refined_error",
-        )
-    for level, name in ((report.tolerance, "tolerance"), (report.multiplier_tolerance, "tolerance,\nmultipliers")):
-        ax.axhline(level, color=GREY, linewidth=0.7, zorder=0, gid=name)
-        ax.annotate(
-            name,
-            (1, level),
-            (3, 0),
-            xycoords=("axes fraction", "data"),
-            textcoords="offset points",
-            fontsize=8,
-            va="center",
-            color="#555555",
-        )
+        x, y = number[refined], np.array([row.refined_error for row in report.rows])[refined]
+        look = {"marker": "*", "color": "#b36b00", "markersize": 7, **hollow}
+        ax.plot(x, y, **look, label="rms, with more harmonics", gid="refined_error")
+    _draw_tolerances(ax, {"tolerance": report.tolerance, "tolerance,\nmultipliers": report.multiplier_tolerance})
     ax.set_yscale("log")
     ax.set_xlim(0.4, len(number) + 0.6)
+    _name_points(ax, report)
+    ax.set_ylabel("relative difference from time integration [-]")
+    ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=5, columnspacing=1.0, handletextpad=0.2)
+
+
+def _draw_tolerances(ax: Axes, levels: dict[str, float]) -> None:
+    """Draw a level line for each tolerance, with its name to the right of the axes."""
+    position: Any = {"xycoords": ("axes fraction", "data"), "textcoords": "offset points", "va": "center"}
+    for name, level in levels.items():
+        ax.axhline(level, color=GREY, linewidth=0.7, zorder=0, gid=name)
+        ax.annotate(name, (1, level), (3, 0), **position, fontsize=8, color="#555555")
+
+
+def _name_points(ax: Axes, report: Report) -> None:
+    """Write the number of each point and the reason of its choice along the axis, in red if it disagrees."""
     several = any(row.curve > 1 for row in report.rows)
     texts = [f"{row.reason} ({row.curve})" if several else row.reason for row in report.rows]
-    ax.set_xticks(
-        number,
-        [f"{n}  {text}" for n, text in zip(number, texts, strict=True)],
-        rotation=60,
-        ha="right",
-        rotation_mode="anchor",
-    )
+    names = [f"{n}  {text}" for n, text in enumerate(texts, 1)]
+    ax.set_xticks(range(1, len(names) + 1), names, rotation=60, ha="right", rotation_mode="anchor")
     for row, tick in zip(report.rows, ax.get_xticklabels(), strict=True):
         tick.set_color("black" if row.ok else "#c01818")
     ax.set_xlabel("validated point, in the order of the curve")
-    ax.set_ylabel("relative difference from time integration [-]")
-    ax.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=5, columnspacing=1.0, handletextpad=0.2)
 
 
 def _name(s: Sweep, element: int | str) -> str:
