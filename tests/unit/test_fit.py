@@ -5,7 +5,7 @@ import pytest
 
 import hbgear as hb
 from hbgear.analysis.quantities.engineering_quantities import transmission_error
-from hbgear.design.fitting.fit_search import FitSearch, mean_square_limit
+from hbgear.design.fitting.fit_search import FitSearch, FreeParameters, mean_square_limit
 from hbgear.design.fitting.profile_likelihood import profile_interval
 from hbgear.design.fitting.sweep_prediction import Prediction
 
@@ -168,23 +168,26 @@ class Residuals:
 def test_starts_end_with_the_first_minimum_within_the_noise(monkeypatch, assumed, mean_square, followed):
     """8 degrees of freedom: the limit is 4 without deviations of the data, and 1 + 4 (2/8)^1/2 = 3 with them."""
     data = hb.design.Measurements(np.linspace(0.5, 1.0, 10), np.ones(10), deviation=None if assumed else 0.01)
-    search = FitSearch(hb.HarmonicBalance(hb.Duffing(), 3), data, ("zeta", "F"), (0.4, 1.1), None)
+    low, high = np.array([0.01, 0.1]), np.array([0.2, 0.4])
+    free = FreeParameters(("zeta", "F"), low, high, np.array([0.05, 0.2]))
+    search = FitSearch(hb.HarmonicBalance(hb.Duffing(), 3), data, free, (0.4, 1.1))
     reached = Residuals(np.full(10, np.sqrt(8 * mean_square / 10)))
     minimized = []
     monkeypatch.setattr(search, "at", lambda x: Residuals(np.full(10, 1e3)))
-    monkeypatch.setattr(search, "_minimize", lambda x, *_: minimized.append(x) or setattr(search, "best", reached))
-    low, high = np.array([0.01, 0.1]), np.array([0.2, 0.4])
-    assert search.run(np.array([0.05, 0.2]), low, high, 3, 0) == followed == len(minimized)
+    monkeypatch.setattr(search, "_minimize", lambda x: minimized.append(x) or setattr(search, "best", reached))
+    search.run(starts=3, seed=0)
+    assert search.followed == followed == len(minimized)
     assert minimized[0].tolist() == [0.05, 0.2]
     assert all((low < x).all() and (x < high).all() for x in minimized)
 
 
 def test_a_start_without_a_response_is_left_out(monkeypatch):
     data = hb.design.Measurements(np.linspace(0.5, 1.0, 10), np.ones(10))
-    search = FitSearch(hb.HarmonicBalance(hb.Duffing(), 3), data, ("zeta",), (0.4, 1.1), None)
+    free = FreeParameters(("zeta",), np.array([0.01]), np.array([0.2]), np.array([0.05]))
+    search = FitSearch(hb.HarmonicBalance(hb.Duffing(), 3), data, free, (0.4, 1.1))
     monkeypatch.setattr(search, "at", lambda x: None)
     with pytest.raises(ValueError, match="the model has no response to compare with the data"):
-        search.run(np.array([0.05]), np.array([0.01]), np.array([0.2]), 3, 0)
+        search.run(starts=3, seed=0)
 
 
 def test_ctrl_c_during_a_curve_ends_the_search(monkeypatch):
@@ -207,9 +210,11 @@ def test_ctrl_c_during_a_curve_ends_the_search(monkeypatch):
 def test_a_parameter_without_effect_keeps_its_value():
     """The pair has no harmonics of the stiffness, of which eps_scale is the factor; a start had the factor 1.7."""
     data = hb.design.Measurements(np.linspace(0.7, 1.0, 8), np.full(8, 0.1))
-    search = FitSearch(hb.HarmonicBalance(hb.SpurPair(), 3), data, ("zeta", "eps_scale"), (0.6, 1.1), None)
+    low, high = np.array([0.01, 0.1]), np.array([0.2, 10.0])
+    free = FreeParameters(("zeta", "eps_scale"), low, high, np.array([0.05, 1.0]))
+    search = FitSearch(hb.HarmonicBalance(hb.SpurPair(), 3), data, free, (0.6, 1.1))
     search.evaluate(np.array([0.07, 1.7]))
-    search.restore(np.array([0.05, 1.0]), np.array([0.01, 0.1]), np.array([0.2, 10.0]))
+    search.restore()
     assert search.best.parameter_values["zeta"] == 0.07 and search.best.parameter_values["eps_scale"] == 1.0
 
 

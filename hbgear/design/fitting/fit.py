@@ -35,9 +35,9 @@ from hbgear.design.fitting.fit_search import (
     ACCEPTED_MEAN_SQUARE,
     UNIT_ERROR_RATIO,
     FitSearch,
+    FreeParameters,
     cost_of,
     is_without_effect,
-    values_and_sizes,
 )
 from hbgear.design.fitting.measurements import DEFAULT_DEVIATION, Measurements
 from hbgear.design.fitting.profile_likelihood import MAX_END_RATIO, profile_interval
@@ -207,39 +207,37 @@ def fit(
     problem.require_fixed_resolution("fit")
     counted("fit: starts", starts, 1000)
     counted("fit: seed", seed, least=0)
-    names, low, high, nominal = _bounds(problem, free)
-    if len(names) > len(data) + len(data.jumps):
+    parameters = _free_parameters(problem, free)
+    unknowns, numbers = len(parameters.names), len(data) + len(data.jumps)
+    if unknowns > numbers:
         raise ValueError(
-            f"fit: {len(names)} parameters from {len(data) + len(data.jumps)} measured numbers; give more data or "
-            "leave parameters out"
+            f"fit: {unknowns} parameters from {numbers} measured numbers; give more data or leave parameters out"
         )
     data.check_displacement_of(problem.model)
     span = _span(problem.model, data) if span is None else span
-    search = FitSearch(problem, data, names, span, progress)
+    search = FitSearch(problem, data, parameters, span, progress)
     ending, estimate = Termination(advice="the best fit so far is kept; start again for the whole search"), None
     try:
-        followed = search.run(nominal, low, high, starts, seed)
-        search.restore(nominal, low, high)
+        search.run(starts, seed)
+        search.restore()
         assert search.best is not None
-        estimate = _estimate(search.best, data, low, high)
+        estimate = _estimate(search.best, search)
         estimate.profile_errors = profile_interval(
-            search.best, search.at, estimate.x, estimate.covariance, estimate.unit, low, high
+            search.best, search.at, estimate.x, estimate.covariance, estimate.unit, parameters.low, parameters.high
         )
-        ending.record_end(Status.REACHED_END, f"{followed} of {starts} starts were followed")
+        ending.record_end(Status.REACHED_END, f"{search.followed} of {starts} starts were followed")
     except KeyboardInterrupt as error:
         if search.best is None:
             raise
-        followed = search.followed
         ending.record_error(error, f"after {search.evaluations} curves")
     assert search.best is not None
-    estimate = estimate or _estimate(search.best, data, low, high)
-    return _result(problem, search, search.best, followed, estimate, low, high, ending)
+    return _result(search, search.best, estimate or _estimate(search.best, search), ending)
 
 
-def _bounds(
+def _free_parameters(
     problem: HarmonicBalance, free: Mapping[str, tuple[float, float] | None] | Sequence[str]
-) -> tuple[tuple[str, ...], Array, Array, Array]:
-    """Return names, lower and upper bounds and the values of the model for the parameters to estimate."""
+) -> FreeParameters:
+    """Return the parameters to estimate, with given or default bounds."""
     bounds_by_name = dict(free) if isinstance(free, Mapping) else dict.fromkeys(free)
     if not bounds_by_name:
         raise ValueError("fit: name at least one parameter, such as free=['zeta']")
@@ -250,7 +248,8 @@ def _bounds(
         ]
     ).T
     values = problem.model.parameters | problem.model.entries
-    return tuple(bounds_by_name), ends[0], ends[1], np.clip([values[name] for name in bounds_by_name], ends[0], ends[1])
+    nominal = np.clip([values[name] for name in bounds_by_name], ends[0], ends[1])
+    return FreeParameters(tuple(bounds_by_name), ends[0], ends[1], nominal)
 
 
 def _span(model: Model, data: Measurements) -> tuple[float, float]:
@@ -296,8 +295,8 @@ class _Estimate:
     warnings: list[str]
 
 
-def _estimate(best: Prediction, data: Measurements, low: Array, high: Array) -> _Estimate:
-    names, (x, size) = best.names, values_and_sizes(best, low, high)
+def _estimate(best: Prediction, search: FitSearch) -> _Estimate:
+    names, data, (x, size) = best.names, search.data, search.free.values_and_sizes(best)
     freedom = len(data) + len(data.jumps) - len(names)
     mean_square = cost_of(best) / freedom if freedom > 0 else math.nan
     covariance, messages = _covariance(best.information(best.deviation) * size, names)
@@ -306,18 +305,9 @@ def _estimate(best: Prediction, data: Measurements, low: Array, high: Array) -> 
     return _Estimate(x, covariance, mean_square, unit, np.full(len(names), math.nan), messages)
 
 
-def _result(
-    problem: HarmonicBalance,
-    search: FitSearch,
-    best: Prediction,
-    followed: int,
-    estimate: _Estimate,
-    low: Array,
-    high: Array,
-    ending: Termination,
-) -> Fit:
+def _result(search: FitSearch, best: Prediction, estimate: _Estimate, ending: Termination) -> Fit:
     """Return the fit with standard errors, correlations and warnings."""
-    names, data, x, covariance = search.names, search.data, estimate.x, estimate.covariance
+    names, data, x, covariance = best.names, search.data, estimate.x, estimate.covariance
     first = np.sqrt(np.diag(covariance))
     with np.errstate(invalid="ignore", divide="ignore"):
         correlation = covariance / np.outer(first, first)
@@ -327,10 +317,10 @@ def _result(
         *_correlation_warnings(names, correlation),
         *_data_warnings(best, estimate.mean_square),
     ]
-    messages += [*_one_sided_warnings(names, first, errors), *_bound_warnings(names, x, low, high)]
+    messages += [*_one_sided_warnings(names, first, errors), *_bound_warnings(x, search.free)]
     count, values = len(data), dict(zip(names, x.tolist(), strict=True))
     return Fit(
-        problem.model.replace(**values),
+        search.problem.model.replace(**values),
         names,
         values,
         dict(zip(names, errors.tolist(), strict=True)),
@@ -343,7 +333,7 @@ def _result(
         tuple(reference.kind for reference in best.references),
         best.jump_frequencies,
         estimate.mean_square,
-        followed,
+        search.followed,
         search.evaluations,
         tuple(messages),
         ending.status,
@@ -414,7 +404,7 @@ KIND_TEXTS = {
 }
 
 
-def _bound_warnings(names: tuple[str, ...], x: Array, low: Array, high: Array) -> Iterator[str]:
-    for name, value, a, b in zip(names, x, low, high, strict=True):
-        if min(value - a, b - value) < 1e-4 * (b - a):
+def _bound_warnings(x: Array, free: FreeParameters) -> Iterator[str]:
+    for name, value, low, high in zip(free.names, x, free.low, free.high, strict=True):
+        if min(value - low, high - value) < 1e-4 * (high - low):
             yield f"{name} = {value:.6g} is at its bound"

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,22 +54,34 @@ def mean_square_limit(freedom: int, assumed: bool) -> float:
     return ACCEPTED_MEAN_SQUARE if assumed else 1.0 + NOISE_SIGMAS * math.sqrt(2.0 / freedom)
 
 
+class FreeParameters(NamedTuple):
+    """Parameters to estimate: names, bounds and values of the model, arrays (p,)."""
+
+    names: tuple[str, ...]
+    low: Array
+    high: Array
+    nominal: Array
+
+    def values_and_sizes(self, best: Prediction) -> tuple[Array, Array]:
+        """Return the values (p,) in a prediction and their sizes; the size of a zero is the width of its bounds."""
+        x = np.array([best.parameter_values[name] for name in self.names])
+        return x, np.where(x, np.abs(x), self.high - self.low)
+
+
+@dataclass(eq=False)
 class FitSearch:
     """Nonlinear least squares from several starts; the best prediction is kept."""
 
-    def __init__(
-        self,
-        problem: HarmonicBalance,
-        data: Measurements,
-        names: tuple[str, ...],
-        span: tuple[float, float],
-        progress: ProgressCallback | None,
-    ) -> None:
-        self.problem, self.data, self.names, self.span, self.progress = problem, data, names, span, progress
-        self.evaluations = self.followed = 0
-        self.best: Prediction | None = None
-        self.refused = ""
-        self._predictions: LRUCache[Prediction | None] = LRUCache(3)
+    problem: HarmonicBalance
+    data: Measurements
+    free: FreeParameters
+    span: tuple[float, float]
+    progress: ProgressCallback | None = None
+    evaluations: int = field(default=0, init=False)
+    followed: int = field(default=0, init=False)
+    best: Prediction | None = field(default=None, init=False)
+    refused: str = field(default="", init=False)
+    _predictions: LRUCache[Prediction | None] = field(default_factory=lambda: LRUCache(3), init=False)
 
     def at(self, x: Array) -> Prediction | None:
         """Return the prediction with these values, or None if the model has no response."""
@@ -77,7 +91,7 @@ class FitSearch:
         """Return the prediction of the model at values of the parameters; None if it is refused."""
         self.evaluations += 1
         try:
-            values = dict(zip(self.names, map(float, x), strict=True))
+            values = dict(zip(self.free.names, map(float, x), strict=True))
             # for values during the search
             with warnings.catch_warnings(action="ignore", category=ImplausibleInputWarning):
                 prediction = Prediction(self.problem, self.data, values, self.span)
@@ -95,34 +109,33 @@ class FitSearch:
             self.best = prediction
         return prediction
 
-    def run(self, nominal: Array, low: Array, high: Array, starts: int, seed: int) -> int:
-        """Minimize from several starts until a result is within the noise, and return the number of starts.
+    def run(self, starts: int, seed: int) -> None:
+        """Minimize from several starts until a result is within the noise.
 
         ValueError is raised if the model has no response at any start or the unit of the amplitudes is probably wrong.
         """
-        freedom = max(1, len(self.data) + len(self.data.jumps) - len(nominal))
-        for start in self._starts(nominal, low, high, starts, seed):
+        freedom = max(1, len(self.data) + len(self.data.jumps) - len(self.free.names))
+        for start in self._starts(starts, seed):
             if self.evaluate(start) is None:
                 continue
             if not self.followed:
                 self._check_unit()
             self.followed += 1
-            self._minimize(start, low, high)
+            self._minimize(start)
             assert self.best is not None
             if cost_of(self.best) / freedom < mean_square_limit(freedom, self.data.assumed):
                 break
         if self.best is None:
             raise ValueError(f"the model has no response to compare with the data: {self.refused}")
-        return self.followed
 
-    def restore(self, nominal: Array, low: Array, high: Array) -> None:
+    def restore(self) -> None:
         """Replace parameters of the best prediction without an effect by the values of the model.
 
         A random start may have changed them.
         """
-        best = self.best
+        best, nominal = self.best, self.free.nominal
         assert best is not None
-        x, size = values_and_sizes(best, low, high)
+        x, size = self.free.values_and_sizes(best)
         changed = is_without_effect(best.information(best.deviation) * size) & (x != nominal)
         prediction = self.at(np.where(changed, nominal, x)) if changed.any() else None
         if (
@@ -131,20 +144,21 @@ class FitSearch:
         ):
             self.best = prediction
 
-    def _starts(self, nominal: Array, low: Array, high: Array, starts: int, seed: int) -> Iterator[Array]:
+    def _starts(self, starts: int, seed: int) -> Iterator[Array]:
         """Yield the values of the model, then the best ones of several random candidates."""
-        yield nominal
+        low, high = self.free.low, self.free.high
+        yield self.free.nominal
         if starts == 1:
             return
         from scipy.stats import qmc
 
-        units = qmc.LatinHypercube(len(nominal), seed=seed).random(CANDIDATES_PER_START * (starts - 1))
+        units = qmc.LatinHypercube(len(low), seed=seed).random(CANDIDATES_PER_START * (starts - 1))
         candidates = [low + u * (high - low) for u in units]
         costs = [math.inf if (prediction := self.evaluate(x)) is None else cost_of(prediction) for x in candidates]
         for i in np.argsort(costs, kind="stable")[: starts - 1]:
             yield candidates[i]
 
-    def _minimize(self, start: Array, low: Array, high: Array) -> None:
+    def _minimize(self, start: Array) -> None:
         """Minimize the sum of squares from a start, first with a loss function that reduces the weight of outliers.
 
         The deviations are evaluated at the start and again at the end of the first minimization.
@@ -152,7 +166,8 @@ class FitSearch:
         from scipy.optimize import least_squares
 
         worst = np.full(2 * len(self.data) + len(self.data.jumps), 1e3)
-        x = self._approach(np.clip(start, low + 1e-6 * (high - low), high - 1e-6 * (high - low)), low, high)
+        low, high = self.free.low, self.free.high
+        x = self._approach(np.clip(start, low + 1e-6 * (high - low), high - 1e-6 * (high - low)))
         for final in (False, True):
             first = self.at(x)
             if first is None:
@@ -185,7 +200,7 @@ class FitSearch:
             )
             x = result.x
 
-    def _approach(self, start: Array, low: Array, high: Array) -> Array:
+    def _approach(self, start: Array) -> Array:
         """Return a start whose curve is close to the points, found from the given one if necessary.
 
         The distances in frequency and amplitude are minimized, because they are continuous functions of the values.
@@ -197,6 +212,7 @@ class FitSearch:
         if first is None or cost_of(first) / (len(self.data) + len(self.data.jumps)) < POOR_MEAN_SQUARE:
             return start
         worst = np.full(len(self.data) + len(self.data.jumps), 100.0)
+        low, high = self.free.low, self.free.high
 
         def distances(x: Array) -> Array:
             prediction = self.at(x)
@@ -243,12 +259,6 @@ COST_TOLERANCE = {False: 1e-2, True: 3e-4}
 
 With 50 numbers the final one stops about a tenth of a standard error from the minimum.
 """
-
-
-def values_and_sizes(best: Prediction, low: Array, high: Array) -> tuple[Array, Array]:
-    """Return the values (p,) of the parameters and their sizes; the size of a zero is the width of its bounds."""
-    x = np.array([best.parameter_values[name] for name in best.names])
-    return x, np.where(x, np.abs(x), high - low)
 
 
 def is_without_effect(J: Array) -> NDArray[np.bool_]:
