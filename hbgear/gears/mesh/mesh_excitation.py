@@ -21,7 +21,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from hbgear.common.ranges import counted
+from hbgear.common.ranges import Range, counted
 from hbgear.common.text.messages import quoted
 from hbgear.mechanics.laws.laws import Backlash, Law, checked_contact
 from hbgear.mechanics.laws.mesh_contacts import MeshContacts
@@ -31,6 +31,16 @@ from hbgear.mechanics.series.periodic import Periodic, Phased
 from hbgear.mechanics.series.piecewise_polynomial import TURN
 from hbgear.mechanics.structures.elements import Load
 from hbgear.mechanics.structures.scales import Scales
+
+SCALE_LABELS = {
+    "eps_scale": r"factor of the stiffness amplitudes $\varepsilon_l$",
+    "fluctuation_scale": "factor of the fluctuation [-]",
+    "e_scale": r"factor of the error amplitudes $e_l$",
+}
+"""Labels of the factors of the excitation."""
+
+USUAL_AMPLITUDES = {"eps": Range(-1, 1), "e": Range(-20, 20)}
+"""Usual ranges of the amplitudes of the excitation."""
 
 
 class MeshExcitation(Model):

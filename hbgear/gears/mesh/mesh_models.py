@@ -76,18 +76,18 @@ def mesh_model(
             "signs are those of the torques of the wheels"
         )
     friction = checked_friction(owner, friction)
-    if friction and (cycle is not None or mesh not in (None, "teeth")):
+    if cycle is not None or mesh not in (None, "teeth"):
         source = "a cycle" if cycle is not None else f"mesh = {quoted(mesh)}"
-        raise ValueError(
-            f"{owner}: friction needs the force on every pair of teeth, and {source} has one for "
-            "all; give mesh='teeth', or friction=0"
-        )
-    if (has_errors(pair.pinion) or has_errors(pair.wheel)) and (cycle is not None or mesh not in (None, "teeth")):
-        source = "a cycle" if cycle is not None else f"mesh = {quoted(mesh)}"
-        raise ValueError(
-            f"{owner}: pitch_errors and runout of gears need the pairs of teeth, and {source} has one gap "
-            "for all; give mesh='teeth', or gears without these errors"
-        )
+        if friction:
+            raise ValueError(
+                f"{owner}: friction needs the force on every pair of teeth, and {source} has one for "
+                "all; give mesh='teeth', or friction=0"
+            )
+        if has_errors(pair.pinion) or has_errors(pair.wheel):
+            raise ValueError(
+                f"{owner}: pitch_errors and runout of gears need the pairs of teeth, and {source} has one gap "
+                "for all; give mesh='teeth', or gears without these errors"
+            )
     if mesh is not None and mesh not in MESHES:
         raise ValueError(f"{owner}: mesh = {quoted(mesh)} must be one of {', '.join(MESHES)}")
     if cycle is not None:

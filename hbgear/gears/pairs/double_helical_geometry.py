@@ -19,7 +19,7 @@ from hbgear.gears.drawing.geometry import (
     shaft_stiffness,
     transverse_pressure_angle,
 )
-from hbgear.gears.mesh.mesh_excitation import MeshExcitation
+from hbgear.gears.mesh.mesh_excitation import USUAL_AMPLITUDES, MeshExcitation
 from hbgear.gears.pairs.support import AXES
 from hbgear.mechanics.series.periodic import Phased
 from hbgear.mechanics.structures.scales import Numbers, Scales
@@ -154,8 +154,7 @@ class DoubleHelicalGeometry(MeshExcitation):
         "torque": Range(-1e8, 1e8),
         "b_c": Range(1e-7, 5e-3),
         "W": Range(-1, 100),
-        "eps": Range(-1, 1),
-        "e": Range(-20, 20),
+        **USUAL_AMPLITUDES,
         "e_phase": Range(-2 * pi, 2 * pi),
         "stagger": Range(-2 * pi, 2 * pi),
     }

@@ -30,7 +30,7 @@ import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, Range, counted
-from hbgear.gears.mesh.mesh_excitation import MeshExcitation
+from hbgear.gears.mesh.mesh_excitation import SCALE_LABELS, USUAL_AMPLITUDES, MeshExcitation
 from hbgear.gears.pairs.support import AXES, reactions
 from hbgear.mechanics.laws.mesh_contacts import MeshContacts
 from hbgear.mechanics.laws.vector_laws import SlidingTeeth
@@ -191,9 +191,7 @@ class HelicalPair(MeshExcitation):  # numpydoc ignore=PR02
         "torque": r"torque $T$ [N m]",
         "b_c": r"unit of length $b_c$ [m]",
         "b": r"half backlash $b$ [-]",
-        "eps_scale": r"factor of the stiffness amplitudes $\varepsilon_l$",
-        "fluctuation_scale": "factor of the fluctuation [-]",
-        "e_scale": r"factor of the error amplitudes $e_l$",
+        **SCALE_LABELS,
     }
     default_span: ClassVar[tuple[float, float]] = (1.6, 0.3)
     ranges: ClassVar[Mapping[str, Range]] = {
@@ -213,8 +211,7 @@ class HelicalPair(MeshExcitation):  # numpydoc ignore=PR02
         "torque": Range(-1e8, 1e8),
         "b_c": Range(1e-8, 5e-3),
         "b": Range(0, 100),
-        "eps": Range(-1, 1),
-        "e": Range(-20, 20),
+        **USUAL_AMPLITUDES,
     }
 
     def __post_init__(self) -> None:

@@ -14,7 +14,7 @@ from typing import ClassVar, Literal
 import numpy as np
 
 from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, Range
-from hbgear.gears.mesh.mesh_excitation import MeshExcitation
+from hbgear.gears.mesh.mesh_excitation import SCALE_LABELS, USUAL_AMPLITUDES, MeshExcitation
 from hbgear.mechanics.laws.laws import Backlash
 from hbgear.mechanics.laws.mesh_contacts import MeshContacts
 from hbgear.mechanics.laws.vector_laws import SlidingTeeth
@@ -169,9 +169,7 @@ class GearRotorBearing(MeshExcitation):  # numpydoc ignore=PR02
         "b": r"half backlash $b$ [-]",
         "b_1": r"half bearing clearance $b_1$ [-]",
         "b_2": r"half bearing clearance $b_2$ [-]",
-        "eps_scale": r"factor of the stiffness amplitudes $\varepsilon_l$",
-        "fluctuation_scale": "factor of the fluctuation [-]",
-        "e_scale": r"factor of the error amplitudes $e_l$",
+        **SCALE_LABELS,
     }
     default_span: ClassVar[tuple[float, float]] = (2.0, 0.3)
     ranges: ClassVar[Mapping[str, Range]] = dict.fromkeys(_POSITIVE, POSITIVE) | dict.fromkeys(
@@ -182,8 +180,7 @@ class GearRotorBearing(MeshExcitation):  # numpydoc ignore=PR02
         **dict.fromkeys(("zeta", "zeta_1", "zeta_2"), Range(0, 1)),
         **dict.fromkeys(("F_m", "F_1", "F_2"), Range(-20, 20)),
         **dict.fromkeys(("b", "b_1", "b_2"), Range(0, 100)),
-        "eps": Range(-1, 1),
-        "e": Range(-20, 20),
+        **USUAL_AMPLITUDES,
     }
 
     def _friction(self, gap: Element) -> tuple[Element, ...]:

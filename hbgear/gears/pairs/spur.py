@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 from hbgear.common.ranges import NOT_NEGATIVE, Range
-from hbgear.gears.mesh.mesh_excitation import MeshExcitation
+from hbgear.gears.mesh.mesh_excitation import SCALE_LABELS, USUAL_AMPLITUDES, MeshExcitation
 from hbgear.mechanics.laws.mesh_contacts import MeshContacts
 from hbgear.mechanics.models import System
 from hbgear.mechanics.series.fourier import Series
@@ -126,9 +126,7 @@ class SpurPair(MeshExcitation):  # numpydoc ignore=PR02
         "zeta": r"damping ratio $\zeta$",
         "F_m": r"mean load $F_m$ [-]",
         "b": r"half backlash $b$ [-]",
-        "eps_scale": r"factor of the stiffness amplitudes $\varepsilon_l$",
-        "fluctuation_scale": "factor of the fluctuation [-]",
-        "e_scale": r"factor of the error amplitudes $e_l$",
+        **SCALE_LABELS,
     }
     default_span: ClassVar[tuple[float, float]] = (1.5, 0.3)
     ranges: ClassVar[Mapping[str, Range]] = {"zeta": NOT_NEGATIVE, "b": NOT_NEGATIVE}
@@ -136,8 +134,7 @@ class SpurPair(MeshExcitation):  # numpydoc ignore=PR02
         "zeta": Range(0, 1),
         "F_m": Range(-20, 20),
         "b": Range(0, 100),
-        "eps": Range(-1, 1),
-        "e": Range(-20, 20),
+        **USUAL_AMPLITUDES,
     }
 
     def system(self) -> System:
