@@ -206,6 +206,26 @@ def test_measurements_in_every_unit(tmp_path):
         np.testing.assert_allclose(data.deviation, expected, rtol=1e-9)
 
 
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "cp1252", "utf-16"])
+@pytest.mark.parametrize("first", ["", "sep=;\r\n", '"sep=;"\r\n'])
+@pytest.mark.parametrize("end", ["", ";;", "; ;"])
+def test_tables_of_a_german_spreadsheet(tmp_path, encoding, first, end):
+    """Units after "in" as in DIN 461, a line with the separator, and empty columns at the end."""
+    rows = ["Drehzahl in 1/min;Weg in µm;Richtung", "600;0,5;up", "1200,5;1,5;down"]
+    path = tmp_path / "Messung Prüfstand 1.csv"
+    path.write_bytes((first + "".join(f"{row}{end}\r\n" for row in rows)).encode(encoding))
+    columns = {"frequency": "Drehzahl", "amplitude": "Weg in µm", "direction": "Richtung"}
+    data = hb.design.read_measurements(path, columns)
+    assert (data.unit, data.frequency.tolist(), data.directions.tolist()) == ("pinion r/min", [600.0, 1200.5], [1, -1])
+    np.testing.assert_allclose(data.amplitude, [0.5e-6, 1.5e-6], rtol=1e-15)
+
+
+def test_empty_columns_are_kept_if_they_are_named_or_have_a_number(tmp_path):
+    for text in ("n [r/min];x [um];deviation\n600;1;\n700;2;\n", "n [r/min];x [um];\n600;1;2\n700;2;\n"):
+        table = table_text(text, "a.csv")
+        assert [len(row.cells) for row in table.rows] == [3, 3] and len(table.headings) == 3
+
+
 def test_the_columns_of_a_saved_curve_are_selected_as_the_error_says(tmp_path):
     curve = hb.trace(hb.HarmonicBalance(hb.Duffing(), 3), "Omega", (0.5, 0.7))
     curve.export(tmp_path / "curve.csv")

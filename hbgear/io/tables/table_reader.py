@@ -20,6 +20,7 @@ from hbgear.common.text.decoding import bytes_of_file
 from hbgear.common.text.messages import quoted
 from hbgear.common.text.unit_spellings import plain_unit
 from hbgear.io.tables.table_text import Row, TableText, decoded, number_of_cell, table_text, why_no_number
+from hbgear.io.tables.table_units import ANGLE, FREQUENCY, factor_of
 
 
 @dataclass(frozen=True)
@@ -210,18 +211,30 @@ def data_table(content: bytes, name: str, kinds: Sequence[Kind], default: Sequen
 
 
 def split(heading: str) -> tuple[str, str | None]:
-    """Return name and unit of a header: ``speed [r/min]``, ``speed (r/min)`` or ``speed / (r/min)``; None without unit.
+    """Return name and unit of a header, None without a unit.
+
+    A unit is written as in ``speed [r/min]``, ``speed (r/min)``, ``speed / (r/min)`` or ``speed in r/min``.
 
     Examples
     --------
-    >>> split("speed [r/min]"), split("f / Hz"), split("x")
-    (('speed', 'r/min'), ('f', 'Hz'), ('x', None))
+    >>> split("speed [r/min]"), split("f / Hz"), split("speed in r/min"), split("x in bearing")
+    (('speed', 'r/min'), ('f', 'Hz'), ('speed', 'r/min'), ('x in bearing', None))
     """
     match = re.fullmatch(r"\s*(.*?)\s*(?:\[([^\[\]]*)\]|\(((?:[^()]|\([^()]*\))*)\)|\s/\s(.*?))\s*", heading)
     if match is None:
-        return heading.strip(), None
+        in_unit = re.fullmatch(r"\s*(.+?)\s+in\s+(\S+)\s*", heading)
+        return (in_unit[1], in_unit[2]) if in_unit and _is_unit(in_unit[2]) else (heading.strip(), None)
     unit = next(part for part in match.groups()[1:] if part is not None).strip()
     return match[1].removesuffix("/").strip(), unit.removeprefix("in ").strip()
+
+
+def _is_unit(text: str) -> bool:
+    unit = plain_unit(text)
+    return unit in FREQUENCY or unit in ANGLE or factor_of(unit, _TARGETS) is not None
+
+
+_TARGETS = ("m", "m/N", "m/s/N", "m/s^2/N", "N/m")
+"""Quantities whose units may follow the word "in", besides frequencies and angles."""
 
 
 def normal(name: str) -> str:

@@ -3,6 +3,7 @@
 encoding    UTF-8 with or without byte order mark, UTF-16, Windows-1252 (which includes µ and ° of Latin-1)
 separator   semicolon, tab, comma, or spaces; the decimal mark is a point or, unless commas separate cells, a comma
 comments    lines that begin with #, %, ! or //; the last one before the numbers may name the columns
+spreadsheet a first line "sep=;" and empty columns at the end are ignored
 headers     one line, and a second one with units if the first has none
 """
 
@@ -25,6 +26,7 @@ MAX_COLUMNS = 1000
 _COMMENT = re.compile(r"\s*(#(?!N/A|NV\b|DIV/0|REF!|VALUE!|NAME\?|NUM!|NULL!)|%|!|//)")  # not errors of spreadsheets
 _NUMBER = re.compile(r"[-+]?(\d+[.,]?\d*|[.,]\d+)([eEdD][-+]?\d+)?|[-+]?(nan|inf|infinity)", re.ASCII | re.IGNORECASE)
 _GROUPED = re.compile(r"[-+]?\d{1,3}([ ,.'’\u00a0\u202f]\d{3})+([.,]\d*)?", re.ASCII)
+_SEPARATOR_LINE = re.compile(r'\s*"?sep=.?"?\s*', re.IGNORECASE)
 _NO_TEXT = re.compile(r"[\x00-\x08\x0e-\x1f\x7f]")
 _MARKS = (
     (b"\xef\xbb\xbf", "utf-8"),
@@ -154,9 +156,17 @@ def _lines(text: str) -> tuple[list[tuple[int, str]], str | None]:
     for i, line in enumerate(re.split(r"\r\n|\n|\r", text.removeprefix("\ufeff")), 1):
         if (match := _COMMENT.match(line)) is not None:
             remark = line[match.end() :].strip("#%!/ \t") if not lines else remark
-        elif line.strip(" \t\f\v;,\u00a0"):
+        elif line.strip(" \t\f\v;,\u00a0") and not (i == 1 and _SEPARATOR_LINE.fullmatch(line)):
             lines.append((i, line))
-    return lines, remark
+    return _without_empty_columns(lines), remark
+
+
+def _without_empty_columns(lines: list[tuple[int, str]]) -> list[tuple[int, str]]:
+    """Return lines without the separators that end all of them: columns without a name and without numbers."""
+    for mark in ";\t,":
+        while lines and all(line.rstrip(" ").endswith(mark) for _, line in lines):
+            lines = [(i, line.rstrip(" ")[:-1]) for i, line in lines]
+    return lines
 
 
 def _has_numbers(line: str) -> bool:
