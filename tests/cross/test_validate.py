@@ -1,6 +1,7 @@
 """Validation of curves by time integration: correct curves agree, and errors of a curve are detected."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -250,6 +251,17 @@ def test_another_model_is_refused(pair):
     unknown = {**pair.meta, "model": {"class": "Pump", "fields": {}}}
     with pytest.raises(KeyError, match="no model class 'Pump'"):
         validate(replace(pair, problem=None, meta=unknown), 2)
+
+
+def test_a_curve_of_version_0_1_is_validated():
+    """Its file has none of the fields that later versions have added; they have their defaults."""
+    old = hb.load(Path(__file__).parents[1] / "data" / "schema1.npz")
+    assert "mesh_order" not in old.meta["model"]["fields"]
+    with pytest.warns(UserWarning, match=r"traced with hbgear 0\.1\.0"):
+        assert validate(old, [0], 1e-2).ok
+    other = hb.HarmonicBalance(hb.SpurPair(mesh_order=2), old.meta["balance"]["harmonics"])
+    with pytest.raises(ValueError, match=r"another model \(with other mesh_order\)"):
+        problem_for(old, other)
 
 
 def test_a_curve_of_folds_is_refused():

@@ -16,7 +16,9 @@ from hbgear.harmonic.autonomous.backbone import BackboneProblem
 from hbgear.harmonic.autonomous.limit_cycle import LimitCycleProblem
 from hbgear.harmonic.equations.layout import layout_of
 from hbgear.harmonic.models.model_registry import is_description, rebuild_problem
+from hbgear.mechanics.fields import defaults_of
 from hbgear.mechanics.models import describe, differing_fields
+from hbgear.mechanics.serialization import to_plain
 
 _MAX_POINTS = 1_000_000
 """Largest number of points [-]; it detects mistaken input."""
@@ -88,7 +90,9 @@ def same_model(stored: Any, model: Any) -> None:
         return
     if not is_description(stored):
         raise ValueError("the curve does not contain its model: trace it again")
-    differing = differing_fields(stored, current)
+    defaults = {name: to_plain(x) for name, x in defaults_of(type(model)).items() if name in current["fields"]}
+    added = {"fields": defaults | stored["fields"]}  # fields that are missing in files of earlier versions
+    differing = differing_fields({**stored, **added}, current)
     if stored["class"] == current["class"] and not differing:
         return
     difference = (
