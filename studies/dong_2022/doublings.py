@@ -137,8 +137,8 @@ def plot(results: Results) -> Figure:
 
 
 def _response(ax: Axes, results: Results) -> None:
-    response(results["curve"], ax=ax, special=False, legend=False)
-    response(results["doubled"], ax=ax, special=False, legend=False)
+    response(results["curve"], ax=ax, special=False, legend=False, dimensionless=True)
+    response(results["doubled"], ax=ax, special=False, legend=False, dimensionless=True)
     for swept, marker in zip(results["sweeps"], ("v", "^"), strict=False):
         ax.plot(
             swept.values,

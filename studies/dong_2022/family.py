@@ -100,7 +100,8 @@ def draw_family(
 ) -> None:
     """Each curve as a line in its colour; unstable dashed, jumps and special points of these kinds marked."""
     for member, curve in family:
-        draw.response(curve, measure, ax=ax, color=member.color, special=False, jumps=jumps, legend=False)
+        options: Any = {"special": False, "jumps": jumps, "legend": False, "dimensionless": True}
+        draw.response(curve, measure, ax=ax, color=member.color, **options)
         for point in curve.special:
             if point.kind in kinds:
                 marker, name = draw.MARKERS[point.kind]

@@ -68,8 +68,8 @@ def run(quick: bool = False) -> dict[str, Any]:
 
 def panel(ax: Axes, results: dict[str, Any], curve: hb.Branch, span: tuple[float, float], top: float) -> None:
     """A curve, the doubled branch and sweep dots in a range of Omega, up to an amplitude."""
-    draw.sweeps(results["sweeps"], curve, ax=ax, legend=False)
-    draw.response(results["doubled"], ax=ax, jumps=False, legend=False)
+    draw.sweeps(results["sweeps"], curve, ax=ax, legend=False, dimensionless=True)
+    draw.response(results["doubled"], ax=ax, jumps=False, legend=False, dimensionless=True)
     ax.set(xlabel=OMEGA, ylabel=AMPLITUDE, xlim=span, ylim=(0, top))
 
 
@@ -102,7 +102,7 @@ def _remarks(rise: Axes, third: Axes, curve: hb.Branch) -> None:
 
 def _legend(figure: Figure, ax: Axes, doubled: hb.Branch) -> None:
     """What occurs on these axes, above the figure."""
-    draw.response(doubled, ax=ax, special=False, jumps=False, legend=True)
+    draw.response(doubled, ax=ax, special=False, jumps=False, legend=True, dimensionless=True)
     ax.set(xlabel=OMEGA, ylabel=AMPLITUDE)
     old: Any = ax.get_legend()
     entries = dict(zip((text.get_text() for text in old.get_texts()), old.legend_handles, strict=True))

@@ -105,7 +105,8 @@ def plot(results: dict[str, Any]) -> Figure:
     )
     for (above, below), (part, title, span) in zip(axes.T, panels, strict=True):
         curve = part["curve"]
-        draw.response(curve, ax=above, color=study.GREY, special=False, jumps=False, legend=False)
+        options: Any = {"special": False, "jumps": False, "legend": False, "dimensionless": True}
+        draw.response(curve, ax=above, color=study.GREY, **options)
         seen = curve.amplitude("pp2")[(span[0] <= curve.values) & (curve.values <= span[1])]
         room = 0.06 * np.ptp(seen)
         above.set(title=title, xlabel="", ylabel="", xlim=span, ylim=(seen.min() - room, seen.max() + room))

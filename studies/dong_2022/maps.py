@@ -30,8 +30,6 @@ SPANS = {
     "W": (-0.6, 0.6),
 }
 """Parameters and their ranges."""
-UNITS = {"torque": ""}
-"""Of the parameters whose label does not say that they have none: the label of the torque ends in its unit."""
 LOW = 0.05
 """Damping ratio of the map in W."""
 CRITICAL = ("zeta", "torque", "eps_scale", "e_scale", "b_c")
@@ -84,20 +82,17 @@ def plot(results: Results) -> Figure:
     rows = -(-len(maps) // columns)
     figure, axes = plt.subplots(rows, columns, figsize=(3.2 * columns, 2.9 * rows), layout="constrained", squeeze=False)
     for letter, ax, (name, found) in zip("abcdef", axes.flat, maps.items(), strict=False):
-        jump_map(found, ax, legend=False)
-        ax.set(xlabel=f"{ax.get_xlabel()} {UNITS.get(name, '[-]')}".strip(), ylabel=f"{ax.get_ylabel()} [-]")
+        jump_map(found, ax, legend=False, dimensionless=True)
+        if "[" not in ax.get_xlabel():
+            ax.set_xlabel(f"{ax.get_xlabel()} [-]")
         ax.set_title(f"({letter})", loc="left")
         ax.margins(y=0.2)
-        _notes(ax, found, 1e6 if name == "b_c" else 1.0)
         if name == "W":
             ax.text(0.5, 0.5, rf"$\zeta$ = {LOW}", transform=ax.transAxes, ha="center", va="center")
         else:
             ax.axvline(
                 hb.gears.DoubleHelicalPair().parameters[name], color=study.GREY, lw=0.9, zorder=0, label="base case"
             )
-        if name == "b_c":
-            ax.xaxis.set_major_formatter(lambda x, _: f"{1e6 * x:g}")
-            ax.set_xlabel("average half backlash $b_c$ [μm]")
         if name == "zeta":
             _second_jump(ax, found)
     drawn = [*axes.flat[0].lines, *axes.flat[0].collections]
@@ -107,28 +102,12 @@ def plot(results: Results) -> Figure:
     return figure
 
 
-def _notes(ax: Axes, found: hb.analysis.JumpMap, unit: float) -> None:
-    """Label the upper cusp with its value and Omega; the inset has the label of a lower one."""
-    top = max((cusp.parameters["Omega"] for cusp in found.cusps), default=0.0)
-    for note in list(ax.texts):
-        value, Omega = note.xy  # type: ignore[attr-defined]
-        if Omega < top:
-            note.remove()
-        note.set_text(f"({unit * value:.5g}, {Omega:.4f})")
-        note.set_bbox({"facecolor": "white", "edgecolor": "none", "pad": 1.0})
-        if value > found.span[0] + 0.8 * (found.span[1] - found.span[0]):
-            note.set_ha("right")
-
-
 def _second_jump(ax: Axes, found: hb.analysis.JumpMap) -> None:
     """The neighbourhood of the second cusp, enlarged."""
-    inset = ax.inset_axes((0.30, 0.16, 0.46, 0.38))
-    jump_map(found, inset, legend=False)
-    low = min(found.cusps, key=lambda cusp: cusp.parameters["Omega"]).parameters
-    for note in list(inset.texts):
-        note.remove()
+    inset = ax.inset_axes((0.46, 0.14, 0.34, 0.34))
+    jump_map(found, inset, legend=False, dimensionless=True)
     inset.set(xlim=(0.019, 0.0212), ylim=(0.4510, 0.4542), xlabel="", ylabel="")
-    inset.set_title(f"second jump: ({low['zeta']:.5g}, {low['Omega']:.4f})", fontsize=8, pad=3)
+    inset.set_title("second jump", fontsize=8, pad=3)
     inset.tick_params(labelsize=7)
 
 

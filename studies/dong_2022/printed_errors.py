@@ -66,7 +66,7 @@ def plot(results: dict[str, Any]) -> Figure:
     figure, axes = plt.subplots(2, 3, figsize=(8.0, 4.6), layout="constrained", sharex=True)
     curves = results["curves"]
     for ax, (name, title) in zip(axes.flat, PANELS.items(), strict=True):
-        options: Any = {"ax": ax, "special": False, "legend": False}
+        options: Any = {"ax": ax, "special": False, "legend": False, "dimensionless": True}
         draw.response(curves["none"], color=study.GREY, label="consistent", **options)
         if name in curves:
             draw.response(curves[name], color=study.BLUE, label="with the error", **options)

@@ -172,7 +172,7 @@ def plot(results: dict[str, Any]) -> Figure:
     figure, axes = plt.subplots(rows, 3, figsize=(8.0, 1.75 * rows + 0.5), layout="constrained", squeeze=False)
     for ax, (name, reading) in zip(axes.flat, found.items(), strict=False):
         curve = reading["curve"]
-        draw.response(curve, ax=ax, special=False, legend=False)
+        draw.response(curve, ax=ax, special=False, legend=False, dimensionless=True)
         for arrow in ax.texts:
             arrow.arrow_patch.set(mutation_scale=5, linewidth=0.6)  # type: ignore[attr-defined]
         for point in curve.special:
