@@ -156,19 +156,18 @@ def jump_table(
     branch: Branch,
     measure: str | None = None,
     element: int | str = 0,
-    others: Sequence[Branch] = (),
-    names: Sequence[str] = (),
+    others: Sequence[tuple[str, Branch]] = (),
     dimensionless: bool = False,
 ) -> tuple[list[str], Rows, list[str]]:
     """Return headers and rows of the table of the jumps of a branch, and notes on their landings.
 
-    A jump may also land on one of ``others``, further branches with these ``names``; the table then names the branch.
-    The last column states how the landing was chosen: the nearest known stable motion, or by integration. The other
+    A jump may also land on one of ``others``, names and branches; the table then states the name of the branch. The
+    last column states how the landing was chosen: the nearest known stable motion, or by integration. The other
     arguments are those of `special_table`.
     """
     height = Ordinate(measure or usual_measure(branch, dimensionless, element), element, dimensionless=dimensionless)
     rows, notes, uncertain = [], [], []
-    branches = [height.prepared(curve) for curve in (branch, *others)]
+    branches = [height.prepared(curve) for curve in (branch, *(curve for _, curve in others))]
     branch = branches[0]
     for landing in landings(branches)[0]:
         jump, number = landing.jump, landing.branch
@@ -177,7 +176,7 @@ def jump_table(
             after = f"no stable motion on {curves}" if jump.landing == "nearest" else "not periodic"
         else:
             after = size_text(jump.after, height, branches[number or 0])
-            after = f"{names[number - 1]}, {after}" if number else after
+            after = f"{others[number - 1][0]}, {after}" if number else after
         if jump.note:
             notes.append(f"{jump.label}: {jump.note}")
         direction = "increasing" if jump.direction > 0 else "decreasing"

@@ -7,7 +7,7 @@ import os
 import shutil
 import sys
 import textwrap
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
@@ -172,21 +172,23 @@ def show_all_branches(
     dimensionless: bool = False,
 ) -> None:
     """Print the tables of a curve and of the other curves of its span, with `show_branch` or another function."""
-    curves = branch.curves
-    for number, curve in enumerate(curves, 1):
-        if number > 1:
-            print_text(f"\nbranch {number}: {len(curve)} points; {message_of(curve, dimensionless)}")
-        others = [i for i in range(len(curves)) if i != number - 1]
-        other_branches, names = [curves[i] for i in others], [f"branch {i + 1}" for i in others]
-        (show or show_branch)(curve, measure, element, other_branches, names, dimensionless)
+    numbered = numbered_branches(branch.curves)
+    for i, (name, curve) in enumerate(numbered):
+        if i:
+            print_text(f"\n{name}: {len(curve)} points; {message_of(curve, dimensionless)}")
+        (show or show_branch)(curve, measure, element, [*numbered[:i], *numbered[i + 1 :]], dimensionless)
+
+
+def numbered_branches(branches: Iterable[hb.Branch]) -> list[tuple[str, hb.Branch]]:
+    """Return branches with the names by which tables refer to them."""
+    return [(f"branch {number}", branch) for number, branch in enumerate(branches, 1)]
 
 
 def show_branch(
     branch: hb.Branch,
     measure: str | None,
     element: int | str,
-    other_branches: Sequence[hb.Branch] = (),
-    names: Sequence[str] = (),
+    others: Sequence[tuple[str, hb.Branch]] = (),
     dimensionless: bool = False,
 ) -> None:
     """Print the tables of special points and jumps (see `show_jumps`), and the reliability of the curve."""
@@ -196,7 +198,7 @@ def show_branch(
         return
     headers, rows = special_table(branch, measure, element, dimensionless)
     print_table(headers, rows, "special points")
-    show_jumps(branch, measure, element, other_branches, names, dimensionless)
+    show_jumps(branch, measure, element, others, dimensionless)
     show_reliability(branch, dimensionless)
 
 
@@ -213,13 +215,12 @@ def show_jumps(
     branch: hb.Branch,
     measure: str | None,
     element: int | str,
-    other_branches: Sequence[hb.Branch] = (),
-    names: Sequence[str] = (),
+    others: Sequence[tuple[str, hb.Branch]] = (),
     dimensionless: bool = False,
 ) -> None:
     """Print the jumps of a branch as a table, or that it has none; see `jump_table`."""
     if branch.jumps():
-        headers, rows, notes = jump_table(branch, measure, element, other_branches, names, dimensionless)
+        headers, rows, notes = jump_table(branch, measure, element, others, dimensionless)
         print_table(headers, rows, "jumps of a slow sweep")
     else:
         notes = ["no jumps on this curve"]

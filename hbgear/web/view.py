@@ -120,8 +120,8 @@ def view(branch: Branch, name: str, landed: Sequence[Landing] = (), with_forces:
 
 def tables(branch: Branch, curves: Sequence[Branch], names: Sequence[str]) -> dict[str, Any]:
     """Return the texts and tables of one branch; its jumps may land on any of the curves with their names."""
-    others = [(curve, name) for curve, name in zip(curves, names, strict=True) if curve is not branch]
-    headers, rows, notes = jump_table(branch, None, 0, [curve for curve, _ in others], [name for _, name in others])
+    others = [(name, curve) for curve, name in zip(curves, names, strict=True) if curve is not branch]
+    headers, rows, notes = jump_table(branch, others=others)
     special_headers, special_rows = special_table(branch)
     return {
         "parameters": parameter_rows(branch),

@@ -19,6 +19,7 @@ from hbgear.cli.output import (
     STOPPED_EARLY,
     bar,
     exit_code,
+    numbered_branches,
     print_message,
     print_table,
     print_text,
@@ -302,7 +303,8 @@ def jumps(
     on motions of twice the period. Exit codes: 0 done, 2 bad input, 3 interrupted.
     """
     branch, measure = loaded(file, measure, element, dimensionless)
-    other_curves = [hb.load(path) for path in other_branches or ()]
+    from_files = [(path.name, hb.load(path)) for path in other_branches or ()]
+    other_curves = [curve for _, curve in from_files]
     branch, is_complete = with_landings(landing, branch, lambda curve: problem_in(curve, model), other_curves)
     if doublings is not None:
         branch = dataclasses.replace(branch, problem=problem_in(branch, model))
@@ -311,8 +313,8 @@ def jumps(
             show_path(run, measure, element, dimensionless)
         raise typer.Exit(0 if is_complete else STOPPED_EARLY)
     if other_curves:
-        names = [f"branch {i + 2}" for i in range(len(branch.others))] + [path.name for path in other_branches or ()]
-        show_jumps(branch, measure, element, [*branch.others, *other_curves], names, dimensionless)
+        others = [*numbered_branches(branch.curves)[1:], *from_files]
+        show_jumps(branch, measure, element, others, dimensionless)
     else:
         show_all_branches(branch, measure, element, show_jumps, dimensionless)
     raise typer.Exit(0 if is_complete else STOPPED_EARLY)

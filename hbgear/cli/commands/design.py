@@ -16,7 +16,7 @@ from hbgear.analysis.summary import as_speeds, digits_of, message_of, text_at
 from hbgear.cli import complete as cli_complete
 from hbgear.cli import options
 from hbgear.cli.commands.shares import MaxRows, Saved, show_shares
-from hbgear.cli.output import bar, exit_code, finish, print_message, print_table, show_branch
+from hbgear.cli.output import bar, exit_code, finish, numbered_branches, print_message, print_table, show_branch
 from hbgear.cli.output_files import BRANCHES, check_writable, outputs
 from hbgear.cli.support import chosen_model, load_with_problem, on_curve, problem_of, range_of, span_of
 from hbgear.common.text.digits import rounded
@@ -200,7 +200,7 @@ def switch(
         out.branch(output, new)
         out.figure(plot, lambda drawing: drawing.responses((branch, new), measure, element, names=names))
         print(f"from {label} of {file}: {len(new)} points; {message_of(new)}")
-        show_branch(new, measure, element, other_branches=(branch,), names=names[:1])
+        show_branch(new, measure, element, [(str(file), branch)])
     raise typer.Exit(exit_code(new))
 
 
@@ -242,9 +242,8 @@ def survey(
             plot,
             lambda drawing: drawing.responses(survey_result.branches, measure, element, dimensionless=dimensionless),
         )
-        for number, branch in enumerate(survey_result.branches, 1):
-            print(f"branch {number}: {len(branch)} points; {message_of(branch, dimensionless)}")
-            indices = [i for i in range(len(survey_result)) if i != number - 1]
-            other_branches, names = [survey_result.branches[i] for i in indices], [f"branch {i + 1}" for i in indices]
-            show_branch(branch, measure, element, other_branches, names, dimensionless)
+        numbered = numbered_branches(survey_result.branches)
+        for i, (name, branch) in enumerate(numbered):
+            print(f"{name}: {len(branch)} points; {message_of(branch, dimensionless)}")
+            show_branch(branch, measure, element, [*numbered[:i], *numbered[i + 1 :]], dimensionless)
     finish(survey_result, *survey_result.branches)
