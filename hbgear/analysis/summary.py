@@ -363,10 +363,11 @@ def as_speeds(text: str, scale: float) -> str:
         digits = len(match[1].partition("e")[0].replace(".", "").lstrip("0")) - 1  # the last one is rounded
         return f"{scale * float(match[1]):.{max(digits, 5)}g} r/min"
 
-    return _OMEGA.sub(converted, text)
+    return OMEGA_TEXT.sub(converted, text)
 
 
-_OMEGA = re.compile(r"Omega = (\d+(?:\.\d+)?(?:e[-+]?\d+)?)")
+OMEGA_TEXT = re.compile(r"Omega = (\d+(?:\.\d+)?(?:e[-+]?\d+)?)")
+"""Value of Omega in a text."""
 
 
 _TORUS_SETTINGS = ("harmonics", "dense", "ratio", "band", "half")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -12,6 +11,7 @@ import typer
 import hbgear as hb
 from hbgear.analysis.quantities.axis_quantities import OmegaAxis
 from hbgear.analysis.quantities.length_units import dimension_of, factor_of
+from hbgear.analysis.summary import OMEGA_TEXT
 from hbgear.cli import options
 from hbgear.cli.output import STOPPED_EARLY, bar, print_table
 from hbgear.cli.output_files import FIGURES, check_writable, outputs
@@ -221,7 +221,7 @@ def _show(s: Any, measure: str, element: int | str, model: hb.mechanics.Model, d
     length = None if dimensionless else length_scale(model, {})
     factor = factor_of(measure, length)
     size, unit = factor * s.amplitude(measure, element), "" if length is None else " [um]" * dimension_of(measure)
-    message = _OMEGA.sub(lambda match: axis.text(float(match[1]), 5), s.message) if axis.is_speed else s.message
+    message = OMEGA_TEXT.sub(lambda match: axis.text(float(match[1]), 5), s.message) if axis.is_speed else s.message
     print(f"sweep {'up' if s.direction > 0 else 'down'}: {len(s)} values; {message}")
     jumps = []
     for jump in s.jumps:
@@ -246,6 +246,3 @@ def _show(s: Any, measure: str, element: int | str, model: hb.mechanics.Model, d
     if rows:
         headers = [name, "motion", measure + unit]
         print_table(headers, rows, "motions that do not have the period of the excitation")
-
-
-_OMEGA = re.compile(r"Omega = (\d+(?:\.\d+)?(?:e[-+]?\d+)?)")

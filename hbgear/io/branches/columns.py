@@ -6,7 +6,7 @@ regime, measures of amplitude and coefficients: the same columns in .csv files, 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,7 +15,7 @@ import numpy as np
 from hbgear.analysis.summary import describe_changes
 from hbgear.common.text.symbols import unit_of, without_unit
 from hbgear.continuation.results.branch import Branch
-from hbgear.continuation.results.point import name_of_regime
+from hbgear.continuation.results.point import SpecialPoint, name_of_regime
 from hbgear.harmonic.equations.layout import Layout, layout_of
 from hbgear.harmonic.models.frequency_units import MESH, PINION, model_of, speeds_at
 from hbgear.mechanics.series.measures import default_measures
@@ -128,30 +128,26 @@ def _special(branch: Branch) -> dict[str, Column]:
     decided = {jump.label: jump.landing_description for jump in branch.jumps()}
     rows = [points.get(i) for i in range(len(branch))]
     unit = unit_of(label_of(branch, branch.parameter))
-    certificates = {i: p.certificate["Omega"] for i, p in points.items() if p.certificate}
-    certified = (
-        {}
-        if not certificates
-        else {
-            f"certified_{end}": Column(
-                [certificates[i][k] if i in certificates else "" for i in range(len(branch))],
-                f"proved {end} bound of Omega of the special point",
-                "1",
-            )
-            for k, end in enumerate(("lower", "upper"))
-        }
-    )
-    return certified | {
-        "special": Column(["" if p is None else p.label for p in rows], "label of the special point"),
-        "special_value": Column(
-            ["" if p is None else p.parameters[branch.parameter] for p in rows],
-            f"{branch.parameter} of the special point, more accurate than the point",
-            unit,
-        ),
-        "special_error": Column(["" if p is None else p.error for p in rows], "estimated error of special_value", unit),
-        "landing": Column(
-            ["" if p is None else decided.get(p.label, "") for p in rows], "how the landing of the jump was determined"
-        ),
+    bounds = {i: p.certificate["Omega"] for i, p in points.items() if p.certificate}
+
+    def cells(value: Callable[[SpecialPoint], Any]) -> list[Any]:
+        return ["" if p is None else value(p) for p in rows]
+
+    columns = {
+        f"certified_{end}": Column(
+            [bounds[i][k] if i in bounds else "" for i in range(len(branch))],
+            f"proved {end} bound of Omega of the special point",
+            "1",
+        )
+        for k, end in enumerate(("lower", "upper") if bounds else ())
+    }
+    value_meaning = f"{branch.parameter} of the special point, more accurate than the point"
+    landing_meaning = "how the landing of the jump was determined"
+    return columns | {
+        "special": Column(cells(lambda p: p.label), "label of the special point"),
+        "special_value": Column(cells(lambda p: p.parameters[branch.parameter]), value_meaning, unit),
+        "special_error": Column(cells(lambda p: p.error), "estimated error of special_value", unit),
+        "landing": Column(cells(lambda p: decided.get(p.label, "")), landing_meaning),
     }
 
 
