@@ -11,7 +11,7 @@ from machines import single_mass
 import hbgear as hb
 from hbgear.continuation.results.reliability import stable_on_both_sides, unexplained_changes
 from hbgear.continuation.results.stability import stability_codes
-from hbgear.continuation.solvers.newton import solve
+from hbgear.continuation.solvers.newton import NoConvergence, solve
 from hbgear.harmonic.equations.motion import shortest_intervals
 from hbgear.harmonic.multipliers.multiplier_error import (
     count_beyond,
@@ -19,6 +19,7 @@ from hbgear.harmonic.multipliers.multiplier_error import (
     estimate_multiplier_error,
     largest_shift,
 )
+from hbgear.harmonic.stability.exact_motion import refine_motion
 from hbgear.harmonic.stability.parity import Parity, half_integer_sign
 from hbgear.time.integration import state_of
 from studies.random.stops import Stop, compared
@@ -48,6 +49,24 @@ def test_errors_of_multipliers_hold_on_a_curve_that_is_steep_in_omega():
     assert len(held) > 15 and all(one.verdict == "stable" == one.right for one in held)
     assert np.mean([one.off > 1e-6 for one in held]) > 0.5
     assert max(one.off - 3 * one.error for one in held) <= 1e-7
+
+
+@pytest.mark.slow
+def test_errors_of_multipliers_do_not_vanish_where_their_difference_changes_its_sign():
+    """One point had a fifth of its error: the difference changes by 0.1 from point to point, and was small there."""
+    elements = [hb.Element([1.0], hb.Unilateral(k=k, gap=gap)) for k, gap in ((100.0, 0.554), (1.0, -0.06))]
+    system = hb.System([[1.0]], [[0.148]], [[0.246]], elements, hb.Load(cosine={1: [0.17]}))
+    curve = hb.trace(hb.HarmonicBalance(system, 16), "Omega", (0.9, 0.75), special=False, cover=False)
+    exact = []
+    for X, Omega in zip(curve.X, curve.values.tolist(), strict=True):
+        try:
+            exact.append(np.abs(refine_motion(curve.problem, X, {"Omega": Omega}).multipliers).max())
+        except NoConvergence:
+            exact.append(np.nan)
+    off, stated = np.abs(np.abs(curve.multipliers).max(axis=1) - exact), curve.modulus_error + 1e-7
+    known = np.isfinite(off) & np.isfinite(stated)
+    assert known.sum() > 25 and np.all(off[known] < 3 * stated[known])
+    assert off[known].max() > 1e-3
 
 
 @pytest.mark.slow

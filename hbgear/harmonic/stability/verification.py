@@ -12,7 +12,8 @@ For every point of a curve:
    where it can matter: where the relative error of the motion, times ten thousand, is large enough for a multiplier to
    reach the unit circle. To save work the second set is computed for every eighth of these points only. Between them
    the difference is taken to be proportional to the error of the motion. Points whose multipliers come within ten times
-   this difference of the circle get a second set of their own.
+   this difference of the circle get a second set of their own, whose difference counts as at least 0.3 of that of
+   the points next to it: it changes its sign along the curve.
 2. **Parity.** The number of real multipliers beyond +1 is compared with the sign of det(dR/dX) at every point. For
    refined motions the number beyond -1 is compared with the sign of the half-integer block (`parity`). A mismatch flags
    the point. So do a special point that contradicts the stability, and contacts or flights shorter than half a period
@@ -41,6 +42,7 @@ from hbgear.continuation.numerics.linear import norms
 from hbgear.continuation.problem.work import Work
 from hbgear.harmonic.equations.motion import shortest_intervals
 from hbgear.harmonic.multipliers.multiplier_error import (
+    SHARE,
     Difference,
     difference_of,
     estimate_multiplier_error,
@@ -162,9 +164,22 @@ def _estimate_errors(
     remaining = np.flatnonzero(uncertain)
     if remaining.size:
         estimated[:, remaining] = np.array(differences(remaining))
+    estimated = _with_neighbours(estimated, relative_errors, regime)
     stacked = Difference(*np.hstack([estimated, SENSITIVITY_MARGIN * estimated]))
     errors, wide_errors = np.split(estimate_multiplier_error(np.vstack([mu, mu]), stacked), 2)
     return errors, wide_errors
+
+
+def _with_neighbours(estimated: Array, relative_errors: Array, regime: np.ndarray) -> Array:
+    """Return differences (3, k, r), at least `SHARE` of those that points of the same regime before and after suggest.
+
+    Differences change their sign along a curve, so those of one point may vanish by chance.
+    """
+    sensitivity = estimated.max(axis=2, initial=0.0) / relative_errors
+    same, least = np.all(regime[1:] == regime[:-1], axis=1), np.zeros_like(sensitivity)
+    least[:, :-1] = same * sensitivity[:, 1:]
+    least[:, 1:] = np.maximum(least[:, 1:], same * sensitivity[:, :-1])
+    return np.maximum(estimated, (SHARE * relative_errors * least)[:, :, None])
 
 
 def _samples(rows: np.ndarray) -> np.ndarray:
