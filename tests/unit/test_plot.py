@@ -763,6 +763,10 @@ def test_the_title_of_a_motion_at_a_fold_states_the_limit_of_stability():
         assert "stable," not in repr(fold) and ", at its stability limit, " in repr(fold)
         outside = dataclasses.replace(fold, multipliers=np.array([1.5, 1.0]))
         assert ", unstable" in plot.portrait(outside).get_suptitle()
+        displaced = dataclasses.replace(fold, multipliers=np.array([1.004, 0.6]))  # of a fold next to a grazing
+        assert displaced.stability_in_words == "at its stability limit"
+        assert dataclasses.replace(displaced, kind="PD").stability_in_words == "unstable"
+        assert dataclasses.replace(displaced, located=False).stability_in_words == "unstable"
     between = curve[(curve["LP1"].index + curve["LP2"].index) // 2]
     assert ", unstable" in plot.portrait(between).get_suptitle() and ", unstable, " in repr(between)
 

@@ -319,10 +319,14 @@ class SpecialPoint(Point):
         """The stability for readers; "at its stability limit" where a multiplier crosses the unit circle, none outside.
 
         The modulus of this multiplier is one up to the error of the solution, which decides between `stable` and not.
+        That of a fold next to a grazing may differ by more than in other points: the fold is located without it.
         """
         if self.multipliers is None or self.kind not in STABILITY_CHANGING_KINDS:
             return super().stability_in_words
-        deviation = abs(np.abs(self.multipliers).max(initial=0.0) - 1.0)
+        mu = self.multipliers
+        if self.kind == "LP" and self.located and mu.size:
+            mu = np.append(np.delete(mu, np.abs(mu - 1).argmin()), 1.0)
+        deviation = abs(np.abs(mu).max(initial=0.0) - 1.0)
         return "at its stability limit" if deviation <= MAX_MULTIPLIER_DEVIATION else super().stability_in_words
 
     def __getstate__(self) -> dict[str, Any]:
