@@ -839,7 +839,7 @@ def test_folds_of_contacts_that_switch_at_the_same_instant_are_followed() -> Non
     alone = hb.trace(hb.ContactInstants(stop_of(k=10.0, gap=0.52), 16), "Omega", (0.8, 2.2))
     folds = [point.parameters["Omega"] for point in alone.special if point.kind == "LP"]
     assert found.status is hb.Status.REACHED_END
-    assert min(abs(found.tracked["Omega"][-1] - Omega) for Omega in folds) < 1e-5
+    assert min(abs(found.tracked["Omega"][-1] - Omega) for Omega in folds) < 1e-12
 
 
 @pytest.mark.slow

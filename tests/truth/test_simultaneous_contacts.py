@@ -171,6 +171,37 @@ def velocities(curve: Any, state: Any, switches: list[int]) -> list[float]:
     return [state.value * v for v in out]
 
 
+@hb.mechanics.model
+def pair(gap: float = 0.5, F: float = 0.3, k: float = 1e3, c: float = 0.1, count: float = 2.0) -> hb.System:
+    """Return two masses, or one of them, with parameters."""
+    return two_masses(k, gap, c, F) if count == 2 else one_mass(k, gap, c, F)
+
+
+@FOLLOWED
+@pytest.mark.parametrize("name", ["gap", "F", "k", "c"])
+def test_points_of_a_symmetric_machine_are_followed_as_those_of_its_half(name: str) -> None:
+    """The balance refused the points of short contacts, and followed others to 1e-5."""
+    span = (getattr(pair(), name), 1.04 * getattr(pair(), name))
+    one, two = (hb.trace(hb.ContactInstants(pair(count=n), 8), "Omega", (1.265, 1.25)) for n in (1.0, 2.0))
+    for label in ("GR1", "LP1"):
+        alone, found = (hb.follow(curve, label, name, span) for curve in (one, two))
+        assert found.status is alone.status is hb.Status.REACHED_END
+        Omega = found.tracked["Omega"][-1]
+        assert Omega == pytest.approx(alone.tracked["Omega"][-1], rel=1e-12)
+        sensitivities = [hb.analysis.sensitivity(curve[label], [name]).of("Omega")[name] for curve in (one, two)]
+        assert sensitivities[1] == pytest.approx(sensitivities[0], rel=1e-7)
+
+
+@FOLLOWED
+def test_an_antisymmetric_doubling_depends_on_the_ratio_of_load_and_gap() -> None:
+    """The half of the machine does not have this point, whose contacts are too short for the balance."""
+    curve = hb.trace(hb.ContactInstants(pair(), 8), "Omega", (1.265, 1.25))
+    over_gap, over_load = hb.follow(curve, "PD1", "gap", (0.5, 0.52)), hb.follow(curve, "PD1", "F", (0.3, 0.15 / 0.52))
+    assert over_gap.tracked["Omega"][-1] == pytest.approx(over_load.tracked["Omega"][-1], rel=1e-11)
+    after = hb.trace(hb.ContactInstants(pair(gap=0.52), 8), "Omega", (1.26, 1.24))
+    assert over_gap.tracked["Omega"][-1] == pytest.approx(after["PD1"].parameters["Omega"], rel=1e-11)
+
+
 @pytest.mark.parametrize("ends", [False, True], ids=["begins", "ends"])
 def test_simultaneous_switches_in_any_order_take_another_contact(ends: bool) -> None:
     """The order of the first two switches, or of the last and the first one of the next period, is rounding.

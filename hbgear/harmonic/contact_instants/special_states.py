@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from contextlib import suppress
 from typing import Any
-
-import numpy as np
 
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point, SpecialPoint
@@ -16,7 +13,6 @@ from hbgear.continuation.tracing.trace import trace
 from hbgear.harmonic.bifurcations.codimension_two.resonances import FirstResonanceEvent, SecondResonanceEvent
 from hbgear.harmonic.instants.corrector import CurveState
 from hbgear.harmonic.instants.pattern import InconsistentPatternError
-from hbgear.harmonic.instants.shooting import SIMULTANEOUS_SWITCHES
 from hbgear.harmonic.instants.special_points.critical import point_on_curve, relocated
 from hbgear.harmonic.instants.special_points.grazing import Grazing
 from hbgear.harmonic.instants.special_points.problem import ExactSpecialPointProblem, KnownPoint
@@ -64,20 +60,16 @@ def special_state(problem: Any, point: SpecialPoint) -> CurveState:
 def exact_special_point(problem: Any, parameter: str, point: Point) -> ExactSpecialPointProblem | None:
     """Return the problem of a special point whose exact motion is known, with a curve in a second parameter.
 
-    None is returned for structures with many coordinates, which take seconds a point, and for contacts of a symmetric
-    machine that switch at the same instant, where the equations are nearly singular: there harmonics are better.
+    None is returned for structures with many coordinates, which take seconds a point.
     """
     if not isinstance(point, SpecialPoint) or point.kind not in (*RELOCATED_KINDS, "GR"):
         return None
     contacts = grazing_contacts(problem, point) if point.kind == "GR" else ()
-    if problem.compiled({}).system.n > MAX_HARD_COORDINATES or (point.kind == "GR" and len(contacts) != 1):
+    if problem.compiled({}).system.n > MAX_HARD_COORDINATES or (point.kind == "GR" and not contacts):
         return None
     try:
         states = problem.nearest_states(point.X, point.parameters) if contacts else [special_state(problem, point)]
     except NoConvergence:
-        return None
-    period = math.tau * problem.nu
-    if np.abs(states[0].iterate.durations(period)).min() < SIMULTANEOUS_SWITCHES * period:
         return None
     known_point = KnownPoint(states[0], dict(point.parameters), contacts[0] if contacts else None)
     resonances = FirstResonanceEvent(), SecondResonanceEvent()
