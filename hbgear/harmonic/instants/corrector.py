@@ -34,7 +34,7 @@ CORRECTOR_TOLERANCE = 1e-7
 
 MAX_FINAL_STEP, NEGLIGIBLE_STEP = 1e-10, 1e-13
 """Scaled size of the last step, and the size up to which the flows before this step are those of the point. Multipliers
-of a stop of k = 1e5 change by 2e-7 in a step of 1e-10."""
+of a stop of k = 1e5 change by 2e-7 in a step of 1e-10, and tangents near a branch point by tens of degrees."""
 
 PARAMETER_STEP = 1e-6
 """Relative finite-difference step of the parameter: truncation and rounding error are both near 1e-10."""
@@ -187,6 +187,7 @@ def solve_in_plane(
             z = z + step
             if size > NEGLIGIBLE_STEP:
                 linearised = linearise(equations(z[-k:]), guess.with_z(z[: len(guess.z)]).iterate)
+                bordered[:-k, :-k] = linearised.J
             return z, linearised, bordered[:-k].copy(), iteration
         factor = step_factor(state, step[: len(guess.z)], ode.period)
         z, last_size = z + factor * step, size if factor == 1.0 else math.inf

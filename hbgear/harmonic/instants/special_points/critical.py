@@ -37,9 +37,9 @@ scaled unknowns. The error of the cubic is 9 (2e-3)^4 = 1e-10; points at less th
 LARGEST_PART_OF_STEP = 0.1
 """Largest distance of these points over the step: steps next to a grazing are shorter than `MIN_DISTANCE`."""
 
-DISTANCE_FACTORS, UNIT_MULTIPLIER = (1 / 16, 1 / 4, 1.0, 4.0, 16.0), 1e-6
+DISTANCE_FACTORS, UNIT_MULTIPLIER = (1 / 16, 1 / 4, 1.0, 4.0, 16.0), 1e-10
 """Factors of this distance that are tried one after the other, until a multiplier differs from 1 by at most this value;
-with the last one, the error of the cubic is 1e-5."""
+with the last one, the error of the cubic is 1e-5, and rounding at the first one can be 1e-9."""
 
 LEADING_MULTIPLIERS = 4
 """Number of multipliers, largest modulus first, whose change limits a step."""
