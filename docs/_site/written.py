@@ -84,12 +84,14 @@ def entry(name: str, thing: Any) -> str:
     """Return the directive that documents an object."""
     if inspect.isclass(thing):
         return f".. autoclass:: {name}\n   :members:\n"
-    return f".. autofunction:: {name}\n" if inspect.isroutine(thing) else f".. autodata:: {name}\n"
+    if inspect.isroutine(thing):
+        return f".. autofunction:: {name}\n"
+    return f".. autodata:: {name}\n\n   {escaped(first_line(thing, name))}\n"
 
 
-def described(name: str) -> str:
-    """Return the docstring below a constant of `hbgear.plot`, from the file that defines it."""
-    for file in sorted(Path(plot.__file__).parent.rglob("*.py")):
+def described(name: str, package: Path = Path(plot.__file__).parent) -> str:
+    """Return the docstring below a constant of `hbgear.plot` or of another package, from the file that defines it."""
+    for file in sorted(package.rglob("*.py")):
         for node, below in pairwise([*ast.parse(file.read_text(encoding="utf-8")).body, ast.Pass()]):
             targets = getattr(node, "targets", [getattr(node, "target", None)])
             if name in [getattr(target, "id", "") for target in targets]:
@@ -108,15 +110,17 @@ def page(title: str, text: str, module: str, entries: list[str]) -> str:
     return f"{title}\n{'=' * len(title)}\n\n{text}\n\n.. currentmodule:: {module}\n\n" + "\n".join(entries)
 
 
-def first_line(thing: Any) -> str:
-    """Return the first line of a docstring."""
-    return (inspect.getdoc(thing) or "").partition("\n")[0]
+def first_line(thing: Any, name: str = "") -> str:
+    """Return the first line of a docstring; an alias of a type has one below its definition."""
+    alias = not (inspect.isclass(thing) or inspect.isroutine(thing) or inspect.ismodule(thing))
+    text = described(name.rpartition(".")[2], Path(hb.__file__).parent) if alias else inspect.getdoc(thing)
+    return (text or "").partition("\n")[0]
 
 
 def object_page(name: str, thing: Any) -> str:
     """Write the page of an object; return its row in the table of its sub-module."""
     write(DOCS / "api" / f"{name}.rst", f"{OBJECT_PAGE}{page(name, '', name.rpartition('.')[0], [entry(name, thing)])}")
-    return f"   * - :doc:`{name.removeprefix('hbgear.')} <{name}>`\n     - {escaped(first_line(thing))}\n"
+    return f"   * - :doc:`{name.removeprefix('hbgear.')} <{name}>`\n     - {escaped(first_line(thing, name))}\n"
 
 
 def table(title: str, names: dict[str, Any]) -> str:

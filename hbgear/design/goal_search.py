@@ -71,6 +71,19 @@ WITHOUT_CHANGE = "the design reaches the goal without a change"
 class Goal:
     """Goal of a design; `no_jumps` and `peak_below` create goals.
 
+    Attributes
+    ----------
+    kind : {"no jumps", "peak"}
+        No jumps, or a limit of the highest peak.
+    limit : float
+        Limit of the peak.
+    measure, element : str and int or str
+        Measure and element of the peak, see `Branch.amplitude`.
+    margin : float
+        Smallest distance to the value at which a jump appears, as a fraction of the value of the design.
+    parameter : str
+        Parameter of the margin; "" for the first one that has such a value.
+
     Examples
     --------
     >>> import hbgear as hb

@@ -1,7 +1,9 @@
 """What is written and checked when the site is built, as far as that needs no Sphinx: .ci/run builds all of it."""
 
+import ast
 import inspect
 import sys
+from itertools import pairwise
 
 import pytest
 from pages import REPOSITORY
@@ -82,7 +84,7 @@ def test_docstrings_are_converted_for_sphinx(site):
     [
         (0, "[a](../studies/README.md)", "[a](studies/index.md)"),
         (1, "[a](../../studies/speed/figures/peers.md)", "[a](../studies/speed/figures/peers.md)"),
-        (0, "[a](scripts/tutorials/1_first_jump.py)", "[a](tutorials/1_first_jump.rst)"),
+        (0, "[a](scripts/tutorials/01_first_jump.py)", "[a](tutorials/01_first_jump.rst)"),
         (1, "[a](../scripts/tutorials/README.rst)", "[a](../tutorials/index.rst)"),
         (1, "[a](../labels.md)", "[a](../labels.md)"),
     ],
@@ -107,9 +109,27 @@ def test_every_public_name_has_an_entry(site, tmp_path, monkeypatch):
             f".. py:data:: {name}" in lines
         ), name
     assert ".. autoclass:: hbgear.time.validation.report.Report" in lines, "a class that a public function returns"
+    alias = (tmp_path / "api" / "hbgear.continuation.ProgressCallback.rst").read_text()
+    assert "Type of ``progress=``" in alias, "an alias has its description"
     for page in (tmp_path / "api").glob("*.rst"):
         entries = [line for line in page.read_text().splitlines() if line.startswith(".. auto")]
         assert len(entries) <= 1, "one page for each object"
+
+
+@pytest.mark.parametrize("members", [hb.Status, hb.time.Verdict])
+def test_members_of_enumerations_are_described(members):
+    """A page of the reference lists members with a docstring only."""
+    body = ast.parse(inspect.getsource(members)).body[0].body
+    described = [
+        node.targets[0].id for node, below in pairwise(body) if (type(node), type(below)) == (ast.Assign, ast.Expr)
+    ]
+    assert described == [member.name for member in members]
+
+
+def test_tutorials_are_in_their_order():
+    """The site sorts scripts by the names of their files; the index says that they are read in this order."""
+    names = sorted(path.name for path in (SITE.parent / "scripts" / "tutorials").glob("*.py"))
+    assert [int(name.partition("_")[0]) for name in names] == list(range(1, len(names) + 1))
 
 
 def test_every_command_has_its_options(site, tmp_path, monkeypatch):

@@ -38,7 +38,7 @@ bar
 
 # %%
 
-for jump in curve.jumps():
+for jump in [jump for part in curve.curves for jump in part.jumps()]:
     sweep = "rising" if jump.direction > 0 else "falling"
     print(f"{model.scales.pinion_speed(jump.value):6.0f} r/min while {sweep}")
 

@@ -48,7 +48,7 @@ curve = hb.analysis.two_tones(
 print(curve.message)
 axes = hb.plot.torus(curve, "pp2", "first mesh", label="first mesh")
 hb.plot.torus(curve, "pp2", "second mesh", ax=axes, label="second mesh", color="black")
-axes.set_ylabel("half peak-to-peak of each mesh")
+_ = axes.set_ylabel("half peak-to-peak of each mesh")
 
 # %%
 # One motion

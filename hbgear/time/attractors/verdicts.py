@@ -59,9 +59,13 @@ class Verdict(StrEnum):
     """
 
     PERIODIC = "periodic"
+    """The motion repeats after a number of excitation periods."""
     QUASI_PERIODIC = "quasi-periodic"
+    """The motion has several frequencies without a common base."""
     CHAOTIC = "chaotic"
+    """Neighbouring motions separate exponentially."""
     UNDECIDED = "undecided"
+    """The tests disagree, or the motion is still transient."""
 
 
 def equal_digits(integrator: ExponentialIntegrator, motions: StateBatch, lag: np.ndarray) -> tuple[Array, Array]:
