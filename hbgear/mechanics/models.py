@@ -266,7 +266,8 @@ class System(Model):  # numpydoc ignore=PR02
         for i, element in enumerate(elements):
             if not isinstance(element, Element):
                 kind = "None" if element is None else f"a {type(element).__name__}"
-                raise ValueError(f"element {i} is {kind}; need an Element(direction, law)")
+                several = " or, for several, a star: *VectorElement(...)" if is_listed(element) else ""
+                raise ValueError(f"element {i} is {kind}; need an Element(direction, law){several}")
         is_single = isinstance(self.load, Load)
         if not is_single and not (is_listed(self.load) and all(isinstance(load, Load) for load in self.loads)):
             raise ValueError(f"load = {quoted(self.load)}: need a Load, or a list of them")

@@ -98,6 +98,7 @@ def test_oil_film_and_gyroscopes_are_beyond_doubt():
         (lambda: hb.mechanics.Range(low=1.0, high=0.0), "no number lies from 1.0 to 0.0"),
         (lambda: hb.mechanics.Range(above=1.0, high=1.0), "no number lies from 1.0 to 1.0"),
         (lambda: hb.System(EYE, None, EYE, [None]), "element 0 is None; need an Element"),
+        (lambda: hb.System(EYE, None, EYE, [(1, 2)]), r"element 0 is a tuple; need .* a star: \*VectorElement"),
         (lambda: hb.gears.DoubleHelicalPair(module=1e-300), "module = 1e-300 is below 1e-60: check its unit"),
         (lambda: hb.gears.GearRotorBearing(mu_2=1e-300), "mu_2 = 1e-300 is below 1e-60: check its unit"),
         (lambda: hb.Backlash(b="1"), "half backlash b = '1'"),

@@ -370,6 +370,34 @@ def test_scatter_and_order(spur):
         found.scatter({"zeta": -0.1})
 
 
+@hb.mechanics.model
+def rubbing(clearance: float = 1.0, e: float = 0.2, k: float = 2.0) -> hb.System:
+    """A rotor on unequal springs that rubs in a seal: lengths scale with the clearance and the eccentricity."""
+    one, load = np.eye(2), hb.Load(cosine={1: [e, 0.0]}, sine={1: [0.0, e]}, power=2)
+    seal = hb.mechanics.VectorElement(one, hb.mechanics.RadialClearance(k, clearance), name="seal")
+    return hb.System(one, 0.12 * one, np.diag([1.0, 1.2]), [*seal], load)
+
+
+@pytest.mark.slow
+def test_sensitivities_of_a_rub_do_not_depend_on_the_unit_of_length():
+    """A clearance of 1e-7 units of length: differences had the size of a motion of 1e-3."""
+    percent = []
+    for unit in (1.0, 1e-7):
+        curve = hb.trace(hb.HarmonicBalance(rubbing(unit, 0.2 * unit), 6), "Omega", (0.6, 1.6))
+        percent.append(hb.analysis.sensitivity(curve["LP4"]).percent("Omega"))
+    assert percent[1] == pytest.approx(percent[0], abs=1e-9)
+    assert percent[1]["clearance"] + percent[1]["e"] == pytest.approx(0.0, abs=1e-7)
+
+
+@pytest.mark.parametrize(
+    "law", [hb.mechanics.RadialClearance(2.0, 3e-6), hb.mechanics.Directed(hb.Unilateral(k=1.0, gap=3e-6))]
+)
+def test_gaps_of_laws_of_several_displacements_are_lengths(law):
+    one = np.eye(2)
+    system = hb.System(one, one, one, [*hb.mechanics.VectorElement(one, law)])
+    assert hb.HarmonicBalance(system, 1).least_size == pytest.approx(3e-9, rel=1e-12)
+
+
 def test_invalid_sensitivities_are_refused(spur):
     with pytest.raises(KeyError, match="no parameter 'zetta'; did you mean 'zeta'"):
         hb.analysis.sensitivity(spur["LP1"], ["zetta"])

@@ -78,10 +78,17 @@ def receded(system: System) -> System | None:
 
 
 def longest(system: System) -> float:
-    """Return the largest breakpoint, reach of a slider or bound of a prescribed displacement; 0 without any."""
-    breakpoints = [abs(x) for element in system.elements for x in element.law.breakpoints]
+    """Return the largest breakpoint, clearance, reach of a slider or prescribed displacement; 0 without any."""
+    breakpoints = [abs(x) for element in system.elements for x in _gaps(element.law)]
     reaches = [slider.reach for element in system.elements for slider in element.law.sliders]
     return max([*breakpoints, *reaches, *(e.displacement.bound for e in system.elements)], default=0.0)
+
+
+def _gaps(law: Law) -> tuple[float, ...]:
+    """Return the breakpoints or the radial clearance of a law, also of one within a law of several displacements."""
+    if isinstance(law, Component | Directed):
+        return _gaps(law.law)
+    return (law.clearance,) if isinstance(law, RadialClearance) else law.breakpoints
 
 
 class Receded(DerivedModel):
