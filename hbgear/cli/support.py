@@ -32,7 +32,8 @@ def assignments(option: str, texts: list[str]) -> list[tuple[str, str]]:
         name, equals, value = (part.strip() for part in text.partition("="))
         if not (name and equals and value):
             example = f"{name}=0.05" if name.isidentifier() else "Omega=0.9" if option == "--at" else "zeta=0.05"
-            raise ValueError(f"{option} {text}: need NAME=VALUE, such as {option} {example}")
+            begin = f"{option} " if option.startswith("--") else ""  # an argument has no option before it
+            raise ValueError(f"{option} {text}: need NAME=VALUE, such as {begin}{example}")
         if name in dict(pairs):
             raise ValueError(f"{option} {text}: {name} is already given as {dict(pairs)[name]}; give it once")
         pairs.append((name, value))

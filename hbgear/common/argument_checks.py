@@ -285,10 +285,9 @@ _COUNTS = {2: "two", 3: "three"}
 
 def _plural(kind: Any) -> str:
     """Return the name of a type in the plural, for the elements of a sequence."""
-    names = (
-        "numbers" if member is float else f"{re.sub('^an? ', '', words(member))}s" for member in _alternatives(kind)
-    )
-    return " or ".join(dict.fromkeys(names))
+    kinds = _alternatives(kind)
+    names = ["number" if member is float else re.sub("^an? ", "", words(member)).partition(",")[0] for member in kinds]
+    return " or ".join(dict.fromkeys(f"{name}{'es' if name.endswith('ch') else 's'}" for name in names))
 
 
 @functools.cache

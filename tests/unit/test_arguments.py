@@ -1,5 +1,7 @@
 """Arguments that are not what is annotated are refused in one sentence; those that are, pass."""
 
+from collections.abc import Sequence
+
 import numpy as np
 import pytest
 
@@ -100,6 +102,7 @@ def test_words():
     assert words(float | int | None) == "a finite number, a whole number or None"
     assert words(tuple[float, ...]) == "a sequence of numbers"
     assert words(tuple[int, int]) == "two whole numbers"
+    assert words(Sequence[hb.Branch]) == "a sequence of Branches"
     assert words(tuple[float, float]) == "two numbers (from, to)"
 
 

@@ -21,7 +21,7 @@ from hbgear.analysis import summary
 from hbgear.analysis.quantities.axis_quantities import Ordinate
 from hbgear.cli import app as cli
 from hbgear.cli import support as cli_support
-from hbgear.cli.support import numbered
+from hbgear.cli.support import assignments, numbered
 from hbgear.common.text.digits import concise
 
 REPOSITORY = Path(__file__).parents[2]
@@ -637,7 +637,7 @@ def test_extend_goes_on_as_far_as_the_curve_was_to_go(run):
     places = [[p.parameters["Omega"] for p in branch.special] for branch in (curve, whole)]
     np.testing.assert_allclose(*places, rtol=0, atol=1e-9)
     code, out, err = run("extend", "part.npz")
-    assert code == 2 and "give a longer span" in err
+    assert code == 2 and "give a longer span, --to in a command" in err
     code, out, err = run("extend", "part.npz", "--to", 0.5, "--harmonics", 12, "-o", "longer.npz")
     assert (code, err) == (0, "") and hb.load("longer.npz").values[-1] == 0.5
     assert hb.load("longer.npz").layout.harmonics == 12
@@ -772,3 +772,10 @@ def test_help_has_no_brackets_that_the_terminal_takes_as_styles():
     for name, command in get_command(cli.app).commands.items():
         texts = [command.help or "", *(getattr(one, "help", None) or "" for one in command.params)]
         assert not [text for text in texts if re.search(r"\[[a-z/]", text)], name
+
+
+def test_the_example_of_an_argument_has_no_option():
+    with pytest.raises(ValueError, match=r"^NAME=DEVIATION zeta: need NAME=VALUE, such as zeta=0\.05$"):
+        assignments("NAME=DEVIATION", ["zeta"])
+    with pytest.raises(ValueError, match=r"such as --set zeta=0\.05$"):
+        assignments("--set", ["zeta"])
