@@ -117,8 +117,8 @@ def _check_end(branch: Branch, first: float, last: float) -> None:
     low, high = sorted((first, last))
     if not low <= end <= high or (end in (low, high) and not low <= 2 * end - previous <= high):
         raise _CompleteCurve(
-            f"the branch ends at {branch.parameter} = {end:.6g}, where it leaves the span; give a longer span, --to in a "
-            "command"
+            f"the branch ends at {branch.parameter} = {end:.6g}, where it leaves the span; "
+            "give a longer span, --to in a command"
         )
 
 
