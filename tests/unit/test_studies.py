@@ -47,6 +47,18 @@ def test_a_study_is_made_with_its_figure_and_report(tmp_path, monkeypatch):
     assert "| jump-up | -1.00 |" in (tmp_path / "sampling.md").read_text()
 
 
+def test_curves_of_the_pair_are_drawn_in_the_unit_of_their_axes():
+    """Figures 4 to 9 have axes of d / b_c; the library draws a model with scales in um unless asked otherwise."""
+    from studies.dong_2022 import base, family
+
+    curve = base.curve(2, (1.6, 1.4))
+    figure, ax = matplotlib.pyplot.subplots()
+    family.draw_family(ax, [(family.Member("base", "base", "black"), curve)], (), "")
+    highest = max(line.get_ydata().max() for line in ax.lines if len(line.get_ydata()) > 2)
+    matplotlib.pyplot.close(figure)
+    assert "d/b_c" in ax.get_ylabel() and highest == pytest.approx(curve.amplitude("pp2").max(), rel=1e-12)
+
+
 def test_runner_refuses_unknown_studies(monkeypatch, capsys):
     from studies.__main__ import main
 
