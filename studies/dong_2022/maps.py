@@ -104,9 +104,9 @@ def plot(results: Results) -> Figure:
 
 def _second_jump(ax: Axes, found: hb.analysis.JumpMap) -> None:
     """The neighbourhood of the second cusp, enlarged."""
-    inset = ax.inset_axes((0.46, 0.14, 0.34, 0.34))
+    inset = ax.inset_axes((0.5, 0.14, 0.3, 0.4))
     jump_map(found, inset, legend=False, dimensionless=True)
-    inset.set(xlim=(0.019, 0.0212), ylim=(0.4510, 0.4542), xlabel="", ylabel="")
+    inset.set(xlim=(0.019, 0.0212), ylim=(0.4510, 0.4560), xlabel="", ylabel="")
     inset.set_title("second jump", fontsize=8, pad=3)
     inset.tick_params(labelsize=7)
 
