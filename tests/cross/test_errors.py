@@ -179,7 +179,9 @@ def test_errors_of_few_multipliers_give_those_of_the_points_between(zeta, harmon
     doubtful = np.abs(np.abs(mu).max(axis=1) - 1) <= every
     assert between.sum() > 0.15 * len(curve) and doubtful.any()
     assert not np.any(doubtful & between)
-    np.testing.assert_allclose(stated[computed], every[computed], rtol=1e-9, atol=1e-14)
+    # a computed difference counts as at least 0.3 of those of the points next to it, where it may change its sign
+    assert np.all(stated[computed] >= (1 - 1e-9) * every[computed])
+    assert np.median(stated[computed] / every[computed]) < 1.5
     assert np.all(stated[between] >= 0.1 * every[between])
     some = between & (every > 1e-7)  # smaller ones are rounding, which depends on the processor
     assert some.sum() > 5 and np.median(stated[some] / every[some]) < 3

@@ -188,7 +188,8 @@ def test_every_error_with_its_line(tmp_path):
     [
         ("model = ", "cannot be read as a study: Invalid value (at the end, line 1)"),
         ('model = "duffing"\nzeta == 1', "cannot be read as a study: Invalid value (at line 2, column 7)"),
-        ("", "line 1: 'model' is missing"),
+        ("", "cannot be read as a study: it is empty, or has only comments"),
+        ("[grid]", "line 1: 'model' is missing"),
         ('model = "dufing"\n[grid]\nzeta = [0.1]', "line 1: there is no model 'dufing'; did you mean 'duffing'"),
         ('model = "duffing"', "need [grid] or [sample]"),
         ('model = "duffing"\n[grid]\nzeta = []', "line 3: grid.zeta"),
