@@ -18,8 +18,16 @@ from typing import Any
 import numpy as np
 
 from hbgear.common.process.compiling import kernel
-from hbgear.harmonic.forces.switching_times import CELL_PARTS, PHASE_TOLERANCE, VALUE_ROUNDING, crossings, off_level
-from hbgear.mechanics.series.fourier_kernels import fill_one_sided, highest, sampled, size_of, value_of
+from hbgear.harmonic.forces.switching_times import (
+    Distance,
+    add_crossing,
+    add_crossings_between,
+    crossings,
+    distance_of,
+    off_level,
+    value_at,
+)
+from hbgear.mechanics.series.fourier_kernels import fill_one_sided, highest, sampled
 from hbgear.mechanics.series.piecewise_polynomial import MIN_PHASE_BY_PARTS, rule
 
 _NODES, _WEIGHTS = rule()
@@ -151,61 +159,52 @@ def _crossings_on(
     first, last = piecewise.gap_offsets[j], piecewise.gap_offsets[j + 1]
     starts, coefficients = piecewise.gap_starts, piecewise.coefficients
     count: Any = np.int64(0)  # a literal would compile each called kernel a second time
-    rounding = VALUE_ROUNDING * (size_of(c) + abs(level))
-    before, slope, _ = value_on(c, level, coefficients[first], starts[first], 0.0)
+    whole = distance_of(c, level)
+    before, slope, _ = value_at(whole, (coefficients[first], starts[first]), 0.0)
     start = before
     for i in range(first, last):
         end = starts[i + 1] if i + 1 < last else 2 * math.pi
+        x, cubic = _on_segment(whole, coefficients[i], end - starts[i]), (coefficients[i], starts[i])
         if i > first:
-            value, slope, _ = value_on(c, level, coefficients[i], starts[i], starts[i])
+            value, slope, _ = value_at(x, cubic, starts[i])
             if piecewise.has_jump[i]:
                 count = _add_jump(before, value, starts[i], theta, sign, count)
                 before = value
         if piecewise.inactive[i]:
-            value = value_on(c, level, coefficients[i], starts[i], end)[0]
+            value = value_at(x, cubic, end)[0]
             count = _add_jump(before, value, starts[i], theta, sign, count)
             before = value
             continue
         a = starts[i]
         while a < end:
-            b, after, slope_after = _cell_end(c, level, motion, coefficients[i], starts[i], a, end)
-            after = off_level(after, before, rounding)
+            b, after, slope_after = _cell_end(x, cubic, motion, a, end)
+            after = off_level(after, before, x.rounding)
             if b == end and i + 1 == last and not piecewise.has_jump[first]:
                 after = start  # the phases 0 and 2 pi have the same value
-            count = _add_crossings_in_cell(
-                c,
-                level,
-                rounding,
-                coefficients[i],
-                starts[i],
-                a,
-                before,
-                slope,
-                b,
-                after,
-                slope_after,
-                theta,
-                sign,
-                count,
-            )
+            low, high = (a, before, slope), (b, after, slope_after)
+            count = _add_crossings_in_cell(x, cubic, low, high, theta, sign, count)
             a, before, slope = b, after, slope_after
     return count, start > 0.0
 
 
 @kernel
-def _cell_end(
-    c: Any, level: float, motion: Any, coefficients: Any, start: float, a: float, end: float
-) -> tuple[float, float, float]:
+def _on_segment(x: Any, a: Any, width: float) -> Any:
+    """Return the distance with the bound of |x''| on a segment with the coefficients a (4,) of w."""
+    return Distance(x.c, x.level, x.rounding, x.bend + 2.0 * abs(a[2]) + 6.0 * abs(a[3]) * width)
+
+
+@kernel
+def _cell_end(x: Any, cubic: Any, motion: Any, a: float, end: float) -> tuple[float, float, float]:
     """Return the next sample of the motion after a, or the end of the segment, with the value and slope of x there."""
-    N = motion.shape[1]
+    N, coefficients, start = motion.shape[1], cubic[0], cubic[1]
     step = 2 * math.pi / N
     n = int(a / step * (1.0 + 1e-14)) + 1
     b = step * n
     if n >= N or b >= end - 1e-9 * step:
-        value, slope, _ = value_on(c, level, coefficients, start, end)
+        value, slope, _ = value_at(x, cubic, end)
         return end, value, slope
     y = b - start
-    value = motion[0, n] - level + polynomial(coefficients, y)
+    value = motion[0, n] - x.level + polynomial(coefficients, y)
     slope = motion[1, n] + coefficients[1] + y * (2.0 * coefficients[2] + 3.0 * y * coefficients[3])
     return b, value, slope
 
@@ -242,108 +241,29 @@ def polynomial(coefficients: Any, x: float) -> float:
 
 
 @kernel
-def value_on(c: Any, level: float, coefficients: Any, start: float, theta: float) -> tuple[float, float, float]:
-    """Return x, x' and x'' at theta; the segment has the polynomial ``coefficients`` and begins at ``start``."""
-    value, slope, curve = value_of(c, level, theta)
-    y = theta - start
-    value += coefficients[0] + y * (coefficients[1] + y * (coefficients[2] + y * coefficients[3]))
-    slope += coefficients[1] + y * (2.0 * coefficients[2] + 3.0 * y * coefficients[3])
-    curve += 2.0 * coefficients[2] + 6.0 * y * coefficients[3]
-    return value, slope, curve
-
-
-@kernel
-def _add_crossings_in_cell(
-    c: Any,
-    level: float,
-    rounding: float,
-    coefficients: Any,
-    start: float,
-    a: float,
-    before: float,
-    slope: float,
-    b: float,
-    after: float,
-    slope_after: float,
-    theta: Any,
-    sign: Any,
-    count: int,
-) -> int:
-    """Append the crossings in a cell from a to b, and return the updated count; see `crossings`.
+def _add_crossings_in_cell(x: Any, cubic: Any, low: Any, high: Any, theta: Any, sign: Any, count: int) -> int:
+    """Append the crossings in a cell, and return the updated count; low, high : phase, x and x' at its ends.
 
     If the values at the ends differ in sign, there are one or three crossings, otherwise two or none.
     """
-    if (before > 0.0) != (after > 0.0):
-        mean = (after - before) / (b - a)
-        if (1.5 * mean - 0.25 * (slope + slope_after)) * mean >= 0.0:
-            return _add_crossing(c, level, rounding, coefficients, start, a, before, b, after, theta, sign, count)
-        x, value = a, before
-        for k in range(1, CELL_PARTS + 1):
-            y = a + (b - a) * k / CELL_PARTS
-            value_y = after if k == CELL_PARTS else value_on(c, level, coefficients, start, y)[0]
-            if (value > 0.0) != (value_y > 0.0):
-                count = _add_crossing(c, level, rounding, coefficients, start, x, value, y, value_y, theta, sign, count)
-            x, value = y, value_y
-        return count
-    side = 1.0 if before > 0.0 else -1.0
-    if side * slope < 0.0 and side * slope_after > 0.0:
-        peak = _extremum(c, level, coefficients, start, a, b, -side)
-        value = value_on(c, level, coefficients, start, peak)[0]
-        if side * value < 0.0 and abs(value) > rounding:
-            count = _add_crossing(c, level, rounding, coefficients, start, a, before, peak, value, theta, sign, count)
-            count = _add_crossing(c, level, rounding, coefficients, start, peak, value, b, after, theta, sign, count)
+    if (low[1] > 0.0) != (high[1] > 0.0):
+        return add_crossings_between(x, cubic, low, high, theta, sign, count)
+    side = 1.0 if low[1] > 0.0 else -1.0
+    if side * low[2] < 0.0 and side * high[2] > 0.0:
+        phase = _extremum(x, cubic, low[0], high[0], -side)
+        value, slope, _ = value_at(x, cubic, phase)
+        if side * value < 0.0 and abs(value) > x.rounding:
+            count = add_crossing(x, cubic, low, (phase, value, slope), theta, sign, count)
+            count = add_crossing(x, cubic, (phase, value, slope), high, theta, sign, count)
     return count
 
 
 @kernel
-def _add_crossing(
-    c: Any,
-    level: float,
-    rounding: float,
-    coefficients: Any,
-    start: float,
-    low: float,
-    value_low: float,
-    high: float,
-    value_high: float,
-    theta: Any,
-    sign: Any,
-    count: int,
-) -> int:
-    """Append the crossing between low and high, where the values differ in sign, and return the updated count.
-
-    Newton's method starts from linear interpolation. A step that leaves the bracket is replaced by bisection.
-    """
-    if count >= theta.shape[0]:
-        return count
-    rising = value_high > value_low
-    phase = low + (high - low) * value_low / (value_low - value_high)
-    for _ in range(80):
-        value, slope, curve = value_on(c, level, coefficients, start, phase)
-        if abs(value) <= rounding:
-            break
-        if (value < 0.0) == rising:
-            low = phase
-        else:
-            high = phase
-        updated = phase - value / slope if slope != 0.0 else low
-        correction = abs(updated - phase)
-        if slope != 0.0 and (
-            correction <= PHASE_TOLERANCE or abs(curve) * correction * correction <= PHASE_TOLERANCE * abs(slope)
-        ):
-            phase = min(max(updated, low), high)
-            break
-        phase = updated if low < updated < high else 0.5 * (low + high)
-    theta[count], sign[count] = phase, 1 if rising else -1
-    return count + 1
-
-
-@kernel
-def _extremum(c: Any, level: float, coefficients: Any, start: float, low: float, high: float, side: float) -> float:
+def _extremum(x: Any, cubic: Any, low: float, high: float, side: float) -> float:
     """Return the phase of the maximum of side x between low, where side x rises, and high, where it falls."""
     phase = 0.5 * (low + high)
     for _ in range(60):
-        _, slope, curve = value_on(c, level, coefficients, start, phase)
+        _, slope, curve = value_at(x, cubic, phase)
         if side * slope > 0.0:
             low = phase
         else:
@@ -365,18 +285,18 @@ def _highest_on(piecewise: Any, j: int, side: float, c: Any, motion: Any) -> tup
         return 0.0, 0.0
     first, last = piecewise.gap_offsets[j], piecewise.gap_offsets[j + 1]
     starts, coefficients = piecewise.gap_starts, piecewise.coefficients
-    largest, phase = -math.inf, 0.0
+    largest, phase, x = -math.inf, 0.0, Distance(c, 0.0, 0.0, 0.0)
     for i in range(first, last):
-        end = starts[i + 1] if i + 1 < last else 2 * math.pi
+        end, cubic = starts[i + 1] if i + 1 < last else 2 * math.pi, (coefficients[i], starts[i])
         a = starts[i]
-        value, slope, _ = value_on(c, 0.0, coefficients[i], starts[i], a)
+        value, slope, _ = value_at(x, cubic, a)
         while a < end:
             if side * value > largest:
                 largest, phase = side * value, a
-            b, after, slope_after = _cell_end(c, 0.0, motion, coefficients[i], starts[i], a, end)
+            b, after, slope_after = _cell_end(x, cubic, motion, a, end)
             if side * slope > 0.0 and side * slope_after < 0.0:
-                peak = _extremum(c, 0.0, coefficients[i], starts[i], a, b, side)
-                height = side * value_on(c, 0.0, coefficients[i], starts[i], peak)[0]
+                peak = _extremum(x, cubic, a, b, side)
+                height = side * value_at(x, cubic, peak)[0]
                 if height > largest:
                     largest, phase = height, peak
             a, value, slope = b, after, slope_after

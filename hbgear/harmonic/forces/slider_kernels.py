@@ -40,18 +40,15 @@ import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.process.compiling import inlined, kernel
-from hbgear.harmonic.forces.switching_times import PHASE_TOLERANCE, VALUE_ROUNDING, crossings
+from hbgear.harmonic.forces.switching_times import VALUE_ROUNDING, Distance, crossings, root, sort_by_phase
 from hbgear.harmonic.forces.toeplitz_kernel import add_product
-from hbgear.mechanics.series.fourier_kernels import coefficient, fill_one_sided, sampled, value_of
+from hbgear.mechanics.series.fourier_kernels import bend_of, coefficient, fill_one_sided, sampled, value_of
 
 STICK = 0
 """Kind of an interval in which a slider sticks; +1 and -1 are slips in the direction of the displacement."""
 
 OPEN = 2
 """Kind of an interval in which the limit is zero, because the contact of the normal force is open."""
-
-MAX_ROOT_ITERATIONS = 80
-"""Iterations for the begin of a slip; bisection alone needs 52."""
 
 
 class SliderWorkspace(NamedTuple):
@@ -242,25 +239,13 @@ def _turns_of_bounds(sliders: Any, i: int, basis: Any, rows: Any, space: Any) ->
                     count += 1
     for t in range(crossing_count):
         space.ratio[t] *= _value(rows[j], space.turn[t])[1]
-    _sort_turns(count, space)
+    sort_by_phase(space.turn, space.ratio, count)
     for t in range(count):
         end = space.turn[t + 1] if t + 1 < count else space.turn[0] + 2 * math.pi
         zone = _zone_at(sliders, i, rows, 0.5 * (space.turn[t] + end))
         d, reach = _value(rows[j], space.turn[t])[0], _reach_at(sliders, i, zone, rows, space.turn[t])
         space.after[t], space.lower[t], space.upper[t] = zone, d - reach, d + reach
     return int(count)
-
-
-@kernel
-def _sort_turns(count: int, space: Any) -> None:
-    """Sort turning points by phase."""
-    turn, ratio = space.turn, space.ratio
-    for i in range(1, count):
-        phase, current_ratio, k = turn[i], ratio[i], i
-        while k > 0 and turn[k - 1] > phase:
-            turn[k], ratio[k] = turn[k - 1], ratio[k - 1]
-            k -= 1
-        turn[k], ratio[k] = phase, current_ratio
 
 
 @kernel
@@ -407,26 +392,9 @@ def _slip_begin(
     """Return the phase at which a bound of slider i, monotonic in low < theta < high, reaches z near ``high``."""
     _fill_bound(sliders, i, zone, side, rows, space.row)
     fill_one_sided(space.row, space.waves)
-    return float(_reached(space.waves, z + side * sliders.base[i, zone] / sliders.k[i], low, high, side))
-
-
-@kernel
-def _reached(c: Any, level: float, low: float, high: float, side: int) -> float:
-    """Return the phase at which a motion that is monotonic in low < theta < high reaches a level near ``high``."""
-    phase = 0.5 * (low + high)
-    for _ in range(MAX_ROOT_ITERATIONS):
-        value, slope, _ = value_of(c, level, phase)
-        if abs(value) <= VALUE_ROUNDING * abs(level):
-            break
-        if side * value < 0.0:
-            low = phase
-        else:
-            high = phase
-        updated = phase - value / slope if slope != 0.0 else low
-        if abs(updated - phase) <= PHASE_TOLERANCE:
-            break
-        phase = updated if low < updated < high else 0.5 * (low + high)
-    return phase
+    level = z + side * sliders.base[i, zone] / sliders.k[i]
+    x = Distance(space.waves, level, VALUE_ROUNDING * abs(level), bend_of(space.waves))
+    return float(root(x, None, side > 0, low, high, 0.5 * (low + high)))
 
 
 @kernel

@@ -2,9 +2,10 @@
 
     x(theta) = Re sum_k c_k exp(i k theta) - level
 
-Samples of the motion bracket the crossings. A safeguarded Newton iteration computes each crossing, with values and
-derivatives by Horner's rule. The bound |x''| <= bend = sum_k k^2 |c_k| shows between which samples an extremum can
-exceed the level, so that there are two crossings without a change of sign of the samples.
+On a segment of a gap with breakpoints in the phase a cubic is added, see `piecewise_kernels`. Samples of the motion
+bracket the crossings. A safeguarded Newton iteration computes each crossing, with values and derivatives by Horner's
+rule. The bound |x''| <= bend = sum_k k^2 |c_k| shows between which samples an extremum can exceed the level, so that
+there are two crossings without a change of sign of the samples.
 
 References
 ----------
@@ -14,10 +15,11 @@ Petrov & Ewins (2003), J. Turbomach. 125(2), https://doi.org/10.1115/1.1539868, 
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from hbgear.common.arrays import ComplexArray
 from hbgear.common.process.compiling import inlined, kernel
 from hbgear.mechanics.series.fourier_kernels import bend_of, size_of, value_of
 
@@ -29,6 +31,37 @@ PHASE_TOLERANCE = 4e-16 * math.pi
 
 CELL_PARTS = 16
 """Number of parts into which a cell is divided if it may contain three crossings."""
+
+
+class Distance(NamedTuple):
+    """Distance x of a motion from a level.
+
+    Attributes
+    ----------
+    c : ndarray, shape (H + 1,)
+        One-sided coefficients of the motion.
+    level : float
+        Level.
+    rounding : float
+        Value of x that counts as zero.
+    bend : float
+        Bound of |x''|.
+    """
+
+    c: ComplexArray
+    level: float
+    rounding: float
+    bend: float
+
+
+@kernel
+def distance_of(c: Any, level: float) -> Any:
+    """Return the `Distance` of a motion from a level."""
+    return Distance(c, level, VALUE_ROUNDING * (size_of(c) + abs(level)), bend_of(c))
+
+
+MAX_ROOT_ITERATIONS = 80
+"""Iterations for a crossing; bisection alone needs 52."""
 
 
 @kernel
@@ -53,11 +86,10 @@ def crossings(c: Any, level: float, samples: Any, theta: Any, sign: Any) -> Any:
     int
         Number of crossings.
     """
-    N, bend = samples.shape[0], bend_of(c)
+    N, x = samples.shape[0], distance_of(c, level)
     count: Any = np.int64(0)  # a literal would compile each called kernel a second time
-    step = 2 * math.pi / N
-    sampling_bound = step * step * bend
-    rounding = VALUE_ROUNDING * (size_of(c) + abs(level))
+    step, rounding = 2 * math.pi / N, x.rounding
+    sampling_bound = step * step * x.bend
     before, first = samples[N - 1] - level, samples[0] - level
     value_i = first = off_level(first, first, rounding)
     for i in range(N):
@@ -66,11 +98,14 @@ def crossings(c: Any, level: float, samples: Any, theta: Any, sign: Any) -> Any:
             extremal = (before - value_i) * value_i >= 0.0 and (after - value_i) * value_i >= 0.0
             # an extremum exceeds its nearest sample by about one eighth of the second difference
             if extremal and abs(value_i) <= abs(before - 2 * value_i + after):
-                count = _add_crossings_at_extremum(c, level, rounding, bend, i, step, value_i, theta, sign, count)
+                count = _add_crossings_at_extremum(x, i, step, value_i, theta, sign, count)
         if (value_i > 0.0) != (after > 0.0):
-            count = _add_crossings_in_cell(c, level, rounding, bend, i, step, value_i, after, theta, sign, count)
+            low, high = step * i, step * (i + 1)
+            begin = low, value_i, value_of(c, level, low)[1]
+            end = high, after, value_of(c, level, high)[1]
+            count = add_crossings_between(x, None, begin, end, theta, sign, count)
         before, value_i = value_i, after
-    _sort_by_phase(theta, sign, count)
+    sort_by_phase(theta, sign, count)
     return count
 
 
@@ -86,113 +121,91 @@ def off_level(value: float, before: float, rounding: float) -> float:
     return rounding if before > 0.0 else -rounding
 
 
-@inlined
-def _add_crossings_in_cell(
-    c: Any,
-    level: float,
-    rounding: float,
-    bend: float,
-    i: int,
-    step: float,
-    first: float,
-    last: float,
-    theta: Any,
-    sign: Any,
-    count: int,
-) -> int:
-    """Append the crossings between samples i and i + 1 of different signs, one or three; return the new count.
+@kernel
+def value_at(x: Any, cubic: Any, theta: float) -> tuple[float, float, float]:
+    """Return x, x' and x'' at theta.
 
-    The cubic through the values and slopes at both ends has the slope 3/2 mean - (slope_low + slope_high) / 4 at the
-    middle. If this slope and the mean slope differ in sign, the cell may contain three crossings, and each of its parts
-    is searched.
+    cubic : None, or the coefficients (4,) of a polynomial that is added, and the phase at which it begins.
     """
-    low, high = step * i, step * (i + 1)
-    slope_low, slope_high = value_of(c, level, low)[1], value_of(c, level, high)[1]
-    mean = (last - first) / step
-    if (1.5 * mean - 0.25 * (slope_low + slope_high)) * mean >= 0:
-        return _add_crossing(
-            c, level, rounding, bend, low, first, slope_low, high, last, slope_high, theta, sign, count
-        )
-    a, value_a, slope_a = low, first, slope_low
+    value, slope, curve = value_of(x.c, x.level, theta)
+    if cubic is None:
+        return value, slope, curve
+    a, y = cubic[0], theta - cubic[1]
+    value += a[0] + y * (a[1] + y * (a[2] + y * a[3]))
+    slope += a[1] + y * (2.0 * a[2] + 3.0 * y * a[3])
+    curve += 2.0 * a[2] + 6.0 * y * a[3]
+    return value, slope, curve
+
+
+@kernel
+def add_crossings_between(x: Any, cubic: Any, low: Any, high: Any, theta: Any, sign: Any, count: int) -> int:
+    """Append the crossings between two phases where x differs in sign, one or three; return the new count.
+
+    low, high : phase, x and x' at both ends. The cubic through them has the slope 3/2 mean - (slope_low + slope_high) /
+    4 at the middle. If this slope and the mean slope differ in sign, there may be three crossings, and each of
+    `CELL_PARTS` parts is searched.
+    """
+    mean = (high[1] - low[1]) / (high[0] - low[0])
+    if (1.5 * mean - 0.25 * (low[2] + high[2])) * mean >= 0:
+        return add_crossing(x, cubic, low, high, theta, sign, count)
+    a = low
     for k in range(1, CELL_PARTS + 1):
-        b = low + (high - low) * k / CELL_PARTS
-        value_b, slope_b, _ = value_of(c, level, b)
-        if k == CELL_PARTS:
-            value_b = last
-        if (value_a > 0.0) != (value_b > 0.0):
-            count = _add_crossing(
-                c, level, rounding, bend, a, value_a, slope_a, b, value_b, slope_b, theta, sign, count
-            )
-        a, value_a, slope_a = b, value_b, slope_b
+        phase = low[0] + (high[0] - low[0]) * k / CELL_PARTS
+        value, slope, _ = value_at(x, cubic, phase)
+        b = phase, high[1] if k == CELL_PARTS else value, slope
+        if (a[1] > 0.0) != (b[1] > 0.0):
+            count = add_crossing(x, cubic, a, b, theta, sign, count)
+        a = b
     return count
 
 
 @inlined
-def _add_crossings_at_extremum(
-    c: Any,
-    level: float,
-    rounding: float,
-    bend: float,
-    i: int,
-    step: float,
-    value_i: float,
-    theta: Any,
-    sign: Any,
-    count: int,
-) -> int:
+def _add_crossings_at_extremum(x: Any, i: int, step: float, value_i: float, theta: Any, sign: Any, count: int) -> int:
     """Append the two crossings on both sides of an extremum near sample i that exceeds the level between two samples.
 
     The extremum is located by Newton's method. Return the new count.
     """
     phase = step * i
     for _ in range(5):
-        _, slope, curve = value_of(c, level, phase)
+        _, slope, curve = value_of(x.c, x.level, phase)
         if curve != 0.0:
             phase += min(step, max(-step, -slope / curve))
-    value = value_of(c, level, phase)[0]
+    value = value_of(x.c, x.level, phase)[0]
     # a value within rounding errors of the level does not count as a crossing
-    exceeds = (value > 0.0) != (value_i > 0.0) and abs(value) > rounding
+    exceeds = (value > 0.0) != (value_i > 0.0) and abs(value) > x.rounding
     if not exceeds or abs(phase - step * i) > step:
         return count
     phase %= 2 * math.pi
     low = math.floor(phase / step) * step
-    high = low + step
-    ends = low, phase, high
+    ends = low, phase, low + step
     for k in range(2):
         a, b = ends[k], ends[k + 1]
-        value_a, slope_a, _ = value_of(c, level, a)
-        value_b, slope_b, _ = value_of(c, level, b)
-        count = _add_crossing(c, level, rounding, bend, a, value_a, slope_a, b, value_b, slope_b, theta, sign, count)
+        value_a, slope_a, _ = value_of(x.c, x.level, a)
+        value_b, slope_b, _ = value_of(x.c, x.level, b)
+        count = add_crossing(x, None, (a, value_a, slope_a), (b, value_b, slope_b), theta, sign, count)
     return count
 
 
 @kernel
-def _add_crossing(
-    c: Any,
-    level: float,
-    rounding: float,
-    bend: float,
-    low: float,
-    value_low: float,
-    slope_low: float,
-    high: float,
-    value_high: float,
-    slope_high: float,
-    theta: Any,
-    sign: Any,
-    count: int,
-) -> int:
-    """Append the crossing between low and high, where the values differ in sign, and return the new count.
-
-    A step of Newton's method that leaves the bracket is replaced by bisection.
-    """
+def add_crossing(x: Any, cubic: Any, low: Any, high: Any, theta: Any, sign: Any, count: int) -> int:
+    """Append the crossing between low and high, where the values differ in sign, and return the new count."""
     if count >= theta.shape[0]:
         return count
-    rising = value_high > value_low
-    phase = _initial_guess(low, value_low, slope_low, high, value_high, slope_high)
-    for _ in range(60):
-        value, slope, _ = value_of(c, level, phase)
-        if abs(value) <= rounding:
+    rising = high[1] > low[1]
+    theta[count] = root(x, cubic, rising, low[0], high[0], _initial_guess(*low, *high))
+    sign[count] = 1 if rising else -1
+    return count + 1
+
+
+@kernel
+def root(x: Any, cubic: Any, rising: bool, low: float, high: float, phase: float) -> float:
+    """Return the phase of the crossing between low and high by Newton's method from a phase.
+
+    A step that leaves the bracket is replaced by bisection.
+    """
+    for _ in range(MAX_ROOT_ITERATIONS):
+        value, slope, _ = value_at(x, cubic, phase)
+        if abs(value) <= x.rounding:
             break  # near a double root, Newton's method would diverge on rounding errors
         if (value < 0.0) == rising:
             low = phase
@@ -202,13 +215,11 @@ def _add_crossing(
         correction = abs(updated - phase)
         # the error that remains is at most about half of bend correction^2 / |slope|
         if slope != 0.0 and (
-            correction <= PHASE_TOLERANCE or bend * correction * correction <= PHASE_TOLERANCE * abs(slope)
+            correction <= PHASE_TOLERANCE or x.bend * correction * correction <= PHASE_TOLERANCE * abs(slope)
         ):
-            phase = min(max(updated, low), high)
-            break
+            return min(max(updated, low), high)
         phase = updated if low < updated < high else 0.5 * (low + high)
-    theta[count], sign[count] = phase, 1 if rising else -1
-    return count + 1
+    return phase
 
 
 @kernel
@@ -227,11 +238,11 @@ def _initial_guess(
 
 
 @kernel
-def _sort_by_phase(theta: Any, sign: Any, count: int) -> None:
-    """Sort crossings by phase; an insertion sort is fast, because they are almost sorted."""
+def sort_by_phase(theta: Any, value: Any, count: int) -> None:
+    """Sort phases and the values at them; an insertion sort is fast, because they are almost sorted."""
     for i in range(1, count):
-        phase, direction, j = theta[i], sign[i], i
+        phase, current, j = theta[i], value[i], i
         while j > 0 and theta[j - 1] > phase:
-            theta[j], sign[j] = theta[j - 1], sign[j - 1]
+            theta[j], value[j] = theta[j - 1], value[j - 1]
             j -= 1
-        theta[j], sign[j] = phase, direction
+        theta[j], value[j] = phase, current
