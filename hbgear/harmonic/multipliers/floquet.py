@@ -52,12 +52,7 @@ import numpy as np
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.harmonic.equations.evaluator import Evaluator
 from hbgear.harmonic.multipliers.gauss_points import gauss_nodes
-from hbgear.harmonic.multipliers.python_laws import (
-    MAX_STEP_OVER_PERIOD,
-    MAX_STEPS_PER_PERIOD,
-    check_steps,
-    monodromy_with_python_laws,
-)
+from hbgear.harmonic.multipliers.python_laws import check_steps, monodromy_with_python_laws
 from hbgear.harmonic.structure.linear_structure import MODAL_LIMIT, LinearStructure
 from hbgear.harmonic.structure.modes import ModalBlock, ModalBlocks
 
@@ -347,20 +342,8 @@ def monodromies(
     if not (compiled.aft_laws or compiled.damped or compiled.normal_pairs):
         packed = compiled.packed_of(X)
         constant = np.bool_(resolve and _has_constant_segments(packed))
-        count = monodromy_kernels.monodromies(
-            packed,
-            block.modes,
-            X,
-            Omega,
-            mobility,
-            schemes,
-            np.bool_(resolve),
-            constant,
-            MAX_STEP_OVER_PERIOD,
-            float(MAX_STEPS_PER_PERIOD),
-            out,
-        )
-        check_steps(count)
+        settings = schemes, np.bool_(resolve), constant
+        check_steps(monodromy_kernels.monodromies(packed, block.modes, X, Omega, mobility, *settings, out))
         return out
     for motion, frequency, matrix in zip(X, Omega.tolist(), out, strict=True):
         monodromy_with_python_laws(compiled, block, mobility, motion, frequency, schemes, resolve, matrix)

@@ -17,6 +17,12 @@ import numpy as np
 
 from hbgear.common.arrays import Array
 
+MAX_STEP_OVER_PERIOD = 0.2
+"""Longest step, as a fraction of the excitation period. It limits the step where no spring does."""
+
+MAX_STEPS_PER_PERIOD = 10_000
+"""Largest number of steps of one period; more raise an error."""
+
 
 @lru_cache(maxsize=16)
 def gauss_rule(s: int) -> tuple[Array, Array]:

@@ -29,6 +29,7 @@ from hbgear.harmonic.forces.piecewise_kernels import fill_gap, fill_phases, size
 from hbgear.harmonic.forces.projection_kernels import cross, projection_workspace
 from hbgear.harmonic.forces.slider_kernels import OPEN, STICK, insert_events, interval_at, sticks_at
 from hbgear.harmonic.multipliers.constant_flow import apply_flow, fill_displacements, fill_flow, flow_workspace
+from hbgear.harmonic.multipliers.gauss_points import MAX_STEP_OVER_PERIOD, MAX_STEPS_PER_PERIOD
 from hbgear.harmonic.multipliers.phi_functions import fill_step_matrices, moments
 from hbgear.harmonic.multipliers.stiffness_kernels import (
     MODULATION_SAMPLES,
@@ -340,24 +341,15 @@ def _end_memory(
 
 @kernel
 def monodromy(
-    sliders: Any,
-    slides: Any,
-    modes: Any,
-    segments: Any,
-    count: int,
-    omega: float,
-    x: Any,
-    L: Any,
-    exact: Any,
-    workspace: Any,
-    out: Any,
+    sliders: Any, slides: Any, modes: Any, segments: Any, omega: float, scheme: Any, exact: Any, work: Any, out: Any
 ) -> None:
     """Compute the real monodromy matrix (r + Q, r + Q) of r modal states and Q sliders into ``out``.
 
-    D of the workspace holds dp/dd - kr, and with two orders dp/dv, at the Gauss points of all steps; with ``exact`` it
-    is constant in each segment. Where disturbances grow beyond 1e300 the matrix is scaled, so that its largest entry is
-    about that number; not with sliders.
+    ``scheme`` holds the Gauss points x and L. D of the workspace holds dp/dd - kr, and with two orders dp/dv, at the
+    Gauss points of all steps; with ``exact`` it is constant in each segment. Where disturbances grow beyond 1e300 the
+    matrix is scaled, so that its largest entry is about that number; not with sliders.
     """
+    (x, L), workspace, count = scheme, work, segments.shape[0]
     s, q, size = x.shape[0], modes.poles.shape[0], out.shape[0]
     r = size - slider_count(sliders)
     ends, state, turns = workspace.ends, workspace.state, workspace.turns
@@ -446,19 +438,18 @@ def _propagate(factors: Any, state: Any) -> None:
 
 
 @kernel
-def step_of(
-    rate: float, omega: float, nu: int, schemes: Any, fraction: float, modes: Any, mobility: Any, max_steps: float
-) -> tuple[int, float]:
+def step_of(rate: float, omega: float, nu: int, schemes: Any, modes: Any, mobility: Any) -> tuple[int, float]:
     """Return the scheme (0 short period, 1 long period) and its longest step [rad]; see `monodromies`.
 
-    ``rate`` is the rate at which springs turn the state. Coupled modes limit the step to no less than 2 pi / max_steps.
+    ``rate`` is the rate at which springs turn the state. Coupled modes limit the step to no less than 2 pi /
+    `MAX_STEPS_PER_PERIOD`.
     """
     period = 2 * math.pi / omega
     scheme = 0 if rate * period <= schemes[2] else 1
     width, turn = (schemes[0][2], schemes[0][3]) if scheme == 0 else (schemes[1][2], schemes[1][3])
     highest = _highest_coupled_mode(modes, mobility, rate, period)
-    resolved = max(turn * omega / max(highest, 1e-300), 2 * math.pi / max_steps)
-    return scheme, min(width * omega / max(rate, 1e-300), fraction * 2 * math.pi / nu, resolved)
+    resolved = max(turn * omega / max(highest, 1e-300), 2 * math.pi / MAX_STEPS_PER_PERIOD)
+    return scheme, min(width * omega / max(rate, 1e-300), MAX_STEP_OVER_PERIOD * 2 * math.pi / nu, resolved)
 
 
 MODE_ERROR = 1e-9
@@ -487,9 +478,9 @@ def _highest_coupled_mode(modes: Any, mobility: Any, rate: float, period: float)
 
 
 @kernel
-def limit_step_by_order(longest: float, order: float, turn: float, max_steps: float) -> float:
+def limit_step_by_order(longest: float, order: float, turn: float) -> float:
     """Return the longest step [rad] in which harmonics of `modulation_order` turn by at most ``turn``."""
-    return min(longest, max(turn / max(order, 1e-300), 2 * math.pi / max_steps))
+    return min(longest, max(turn / max(order, 1e-300), 2 * math.pi / MAX_STEPS_PER_PERIOD))
 
 
 MAX_GROWTH_EXPONENT = 10.0
@@ -550,24 +541,15 @@ def _exact_is_faster(segments: int, steps: float, s: int, g: int, q: int, column
 
 @kernel
 def monodromies(
-    packed: Any,
-    modes: Any,
-    X: Any,
-    Omega: Any,
-    mobility: Any,
-    schemes: Any,
-    resolve: Any,
-    constant: Any,
-    fraction: float,
-    max_steps: float,
-    out: Any,
+    packed: Any, modes: Any, X: Any, Omega: Any, mobility: Any, schemes: Any, resolve: Any, constant: Any, out: Any
 ) -> float:
     """Compute the monodromy matrices (P, r, r) of motions X (P, n) at Omega (P,) of a model without Python laws.
 
     ``schemes`` holds (x, L, width, turn) of a motion with a short period, the same of one with a long period, the angle
     [rad] that separates them, and (x, L) of exact flows; in a step, springs turn the state by ``width`` and modes by
     ``turn`` [rad] at most, and with ``resolve`` harmonics of the stiffness as well. With ``constant``, the stiffness of
-    all elements is constant in each segment. Return 0, or the number of steps of a period if it exceeds ``max_steps``.
+    all elements is constant in each segment. Return 0, or the number of steps of a period if it exceeds
+    `MAX_STEPS_PER_PERIOD`.
     """
     nu, m, size = packed.linear.nu, mobility.shape[0], out.shape[1]
     space = projection_workspace(packed, m, X.shape[1] // (2 * m), np.int64(0))
@@ -580,12 +562,12 @@ def monodromies(
     for p in range(X.shape[0]):
         coefficients, omega = X[p].reshape(m, -1), Omega[p] / nu
         rate = modulation_rate(packed, coefficients, mobility, samples, space.waves, work, stiffness)
-        scheme, longest = step_of(rate, omega, nu, schemes, fraction, modes, mobility, max_steps)
+        scheme, longest = step_of(rate, omega, nu, schemes, modes, mobility)
         x, L = (schemes[0][0], schemes[0][1]) if scheme == 0 else (schemes[1][0], schemes[1][1])
         if resolve:
             turn = schemes[0][3] if scheme == 0 else schemes[1][3]
             order = modulation_order(packed, coefficients, space.waves, 1.0 / (2 * x.shape[0] + 1))
-            longest = limit_step_by_order(longest, order, turn, max_steps)
+            longest = limit_step_by_order(longest, order, turn)
         exact = constant and _exact_is_faster(
             typical, 2 * math.pi / longest, x.shape[0], modes.base.input.shape[1], modes.poles.shape[0], size
         )
@@ -593,11 +575,12 @@ def monodromies(
             x, L, longest = schemes[3][0], schemes[3][1], 2 * math.pi
         longest = limit_step_by_growth(longest, omega, modes.poles)
         count = 2 * math.pi / longest
-        if count > max_steps:
+        if count > MAX_STEPS_PER_PERIOD:
             return count
         segment_count, steps = partition_period(packed, coefficients, longest, space, theta, segments)
         if steps > workspace.D.shape[1] or x.shape[0] != workspace.D.shape[2]:
             workspace = monodromy_workspace(modes, size, x.shape[0], 2 * steps, 1, number)
         fill_stiffness_modulation(packed, coefficients, modes.ports, segments, segment_count, x, space, workspace)
-        monodromy(packed.sliders, space.slides, modes, segments, segment_count, omega, x, L, exact, workspace, out[p])
+        parts = segments[:segment_count]
+        monodromy(packed.sliders, space.slides, modes, parts, omega, (x, L), exact, workspace, out[p])
     return 0.0

@@ -10,16 +10,11 @@ import numpy as np
 from hbgear.common.arrays import Array
 from hbgear.harmonic.equations.evaluator import Evaluator
 from hbgear.harmonic.forces.aft import edge_crossings
+from hbgear.harmonic.multipliers.gauss_points import MAX_STEPS_PER_PERIOD
 from hbgear.harmonic.multipliers.resolved_steps import resolved_steps
 from hbgear.harmonic.multipliers.sampled_slopes import slope_pairs, slopes_at, vector_slopes_at
 from hbgear.harmonic.structure.modes import ModalBlock, SymmetricPair
 from hbgear.mechanics.series.fourier import evaluate
-
-MAX_STEP_OVER_PERIOD = 0.2
-"""Longest step, as a fraction of the excitation period. It limits the step where no spring does."""
-
-MAX_STEPS_PER_PERIOD = 10_000
-"""Largest number of steps of one period; more raise an error."""
 
 _SAME_PHASE = 1e-13
 """Distance of two phases [rad] that counts as none: the rounding of a switching time."""
@@ -61,20 +56,12 @@ def monodromy_with_python_laws(
         largest[elements] += np.abs(slopes[0]).sum(axis=1).max(axis=1)
     buffers = np.empty((6, coarse.shape[1])), np.empty(coarse.shape[1])
     rate = stiffness_kernels.modulation_rate(packed, rows, mobility, coarse, space.waves, *buffers)
-    scheme, longest = monodromy_kernels.step_of(
-        max(rate, float(np.sqrt((mobility * largest).max()))),
-        omega,
-        nu,
-        schemes,
-        MAX_STEP_OVER_PERIOD,
-        block.modes,
-        mobility,
-        float(MAX_STEPS_PER_PERIOD),
-    )
+    rate = max(rate, float(np.sqrt((mobility * largest).max())))
+    scheme, longest = monodromy_kernels.step_of(rate, omega, nu, schemes, block.modes, mobility)
     x, L, _, turn = schemes[scheme]
     if resolve:
         order = stiffness_kernels.modulation_order(packed, rows, space.waves, 1.0 / (2 * len(x) + 1))
-        longest = monodromy_kernels.limit_step_by_order(longest, order, turn, float(MAX_STEPS_PER_PERIOD))
+        longest = monodromy_kernels.limit_step_by_order(longest, order, turn)
     longest = monodromy_kernels.limit_step_by_growth(longest, omega, block.modes.poles)
     check_steps(2 * np.pi / longest if 2 * np.pi / longest > MAX_STEPS_PER_PERIOD else 0.0)
     theta, segments = monodromy_kernels.segment_arrays(packed, space)
@@ -95,19 +82,8 @@ def monodromy_with_python_laws(
 
     def integrate(part: Array, D: Array, result: Array) -> None:
         """Compute the monodromy matrix over successive segments with the modulations D."""
-        monodromy_kernels.monodromy(
-            packed.sliders,
-            space.slides,
-            block.modes,
-            part,
-            len(part),
-            omega,
-            x,
-            L,
-            np.bool_(False),
-            work._replace(D=D),
-            result,
-        )
+        moving, exact, changed = (packed.sliders, space.slides, block.modes), np.bool_(False), work._replace(D=D)
+        monodromy_kernels.monodromy(*moving, part, omega, (x, L), exact, changed, result)
 
     if jumps:
         out[:] = _product_with_jumps(integrate, block, segments, jumps, work.D, out)
