@@ -20,7 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy
@@ -29,7 +29,8 @@ from hbgear.common.arrays import Array
 from hbgear.mechanics.laws.friction import RigidFriction
 from hbgear.mechanics.laws.vector_laws import Component, vector_groups
 from hbgear.mechanics.models import System
-from hbgear.time.exponential.segments import SAMPLES_PER_STEP, Integers, LawSegments, first_exit
+from hbgear.time.exponential.law_table import LawTable, as_one_spring
+from hbgear.time.exponential.segments import SAMPLES_PER_STEP, Integers, first_exit, segment_at
 from hbgear.time.flows.contact_flow import ContactFlow
 from hbgear.time.flows.excitation import Excitation, Interval
 from hbgear.time.flows.slider_flow import SliderFlow
@@ -44,6 +45,18 @@ Lines = tuple[Array, Array, Integers, Integers, Integers]
 damped contact and each element with rigid friction."""
 
 Visit = Callable[[float, float, Callable[[Array], Array]], None]
+
+
+class Method(NamedTuple):
+    """Method of SciPy with its tolerances: relative, and absolute of each component."""
+
+    name: str
+    tolerance: float
+    atol: Array
+
+    def start(self, f: Any, t: float, Y: Array, end: float, options: dict[str, Any]) -> Any:
+        """Return the solver of y' = f(t, y) from a state at t to an end."""
+        return getattr(scipy.integrate, self.name)(f, t, Y, end, rtol=self.tolerance, atol=self.atol, **options)
 
 
 class Flow:
@@ -82,13 +95,15 @@ class Flow:
         self.n, self.order, self.states = states.inertial, states.order, states.states
         self.A, self.B, self.D, self.W = states.A, states.B, states.D, states.W
         self.laws = tuple(e.law for e in system.elements)
-        self.segments = LawSegments.of(self.laws)
+        table = LawTable.of(self.laws, as_one_spring)
+        self.low, self.high, (self.slope, self.offset) = table.low, table.high, np.zeros((2, *table.low.shape))
+        self.slope[table.element], self.offset[table.element] = table.slope, table.offset
         self.sliders, self.contacts = SliderFlow(system.elements), ContactFlow(system.elements)
         self.size = self.order + len(self.sliders)
         self.columns = 1 + self.size if variational else 1
         self.c = np.array([e.damping for e in system.elements])
         self.vectors = vector_groups(self.laws)
-        curved = [j for j in np.flatnonzero(~self.segments.line) if not isinstance(self.laws[j], Component)]
+        curved = [j for j in np.flatnonzero(table.in_python) if not isinstance(self.laws[j], Component)]
         jumps = [j for j in curved if self.laws[j].damped or isinstance(self.laws[j], RigidFriction)]
         self._curved = np.array([j for j in curved if j not in jumps], dtype=int)
         self.rigid = StickFlow(system.elements, self.W, self.B[self.n : 2 * self.n])
@@ -134,11 +149,13 @@ class Flow:
     def _lines(self, segment: Integers, slip: Integers, contact: Integers, rigid: Integers) -> Lines:
         """Return the segments of the elements, and the states of sliders and contacts."""
         rows = np.arange(self.m)
-        return self.segments.slope[rows, segment], self.segments.offset[rows, segment], slip, contact, rigid
+        return self.slope[rows, segment], self.offset[rows, segment], slip, contact, rigid
 
     def _lines_at(self, d: Array, v: Array, slip: Integers) -> Lines:
         """Return the segments and the states of contacts at displacements and rates (m,); no element sticks rigidly."""
-        return self._lines(self.segments.at(d, v), slip, self.contacts.at(d, v), np.zeros(len(self.rigid), dtype=int))
+        return self._lines(
+            segment_at(self.high, d, v), slip, self.contacts.at(d, v), np.zeros(len(self.rigid), dtype=int)
+        )
 
     def rates(self, line: Lines, interval: Interval, t: float, Y: Array) -> Array:
         """Return y', or (y', Phi') flattened, with each element on its linear segment."""
@@ -253,30 +270,22 @@ class Flow:
             If the motion diverges, or steps become too short.
         """
         Y, instants, count = np.asarray(Y, dtype=float).ravel(), [], 0
-        atol, rounding = tolerance * _sizes(self, Y), 1e-14 * abs(end)
+        solution, rounding = Method(method, tolerance, tolerance * _sizes(self, Y)), 1e-14 * abs(end)
         with np.errstate(over="ignore", invalid="ignore"):
             while end - t > rounding:  # from one breakpoint of the excitation to the next
                 interval = self.excitation.interval_at(t)
                 stop = interval.end if end - interval.end > rounding else end
-                Y, new_instants, steps = self._integrate_between(interval, t, Y, stop, method, tolerance, atol, visit)
+                Y, new_instants, steps = self._integrate_between(interval, t, Y, stop, solution, visit)
                 t, count = stop, count + steps
                 instants += new_instants
         return Y, instants, count
 
     def _integrate_between(
-        self,
-        interval: Interval,
-        t: float,
-        Y: Array,
-        end: float,
-        method: str,
-        tolerance: float,
-        atol: Array,
-        visit: Visit | None,
+        self, interval: Interval, t: float, Y: Array, end: float, method: Method, visit: Visit | None
     ) -> tuple[Array, list[float], int]:
         """Integrate an interval without breakpoints of the excitation."""
         d, v = self.gaps(t, Y, interval)
-        segment, instants, count = self.segments.at(d, v), [], 0
+        segment, instants, count = segment_at(self.high, d, v), [], 0
         slip = self.sliders.at(self.Omega * t, self.Omega, d, v, Y.reshape(self.size, -1)[self.order :, 0])
         contact = self.contacts.at(d, v)
 
@@ -291,17 +300,17 @@ class Flow:
         while end - t > 1e-14 * abs(end):
             line = lines(rigid)
             f = partial(self.rates, line, interval)
-            analytic = method == "Radau" and self.columns == 1 and not len(self.sliders) and not len(self.rigid)
+            analytic = method.name == "Radau" and self.columns == 1 and not len(self.sliders) and not len(self.rigid)
             options = {"jac": partial(self.slopes, line, interval)} if analytic else {}
-            solver = getattr(scipy.integrate, method)(f, t, Y, end, rtol=tolerance, atol=atol, **options)
+            solver = method.start(f, t, Y, end, options)
             while solver.status == "running":
                 before = solver.y
                 solver.step()
                 count += 1
                 if solver.status == "failed":
                     raise ArithmeticError(
-                        f"{method} could not continue at t = {solver.t:.6g}: the motion diverges, or Omega = "
-                        f"{self.Omega:.6g} or tolerance = {tolerance:g} is too small"
+                        f"{method.name} could not continue at t = {solver.t:.6g}: the motion diverges, or Omega = "
+                        f"{self.Omega:.6g} or tolerance = {method.tolerance:g} is too small"
                     )
                 exits, side = self._exit(solver, before, segment, interval)
                 change, zone_exits, zone_changes = self.sliders.exits(self, solver, slip)
@@ -314,7 +323,7 @@ class Flow:
                 if not np.isfinite(stop):
                     t, Y = solver.t, solver.y
                     continue
-                Y = _repeat_step(f, solver.t_old, before, stop, method, tolerance, atol, options)
+                Y = _repeat_step(method, f, solver.t_old, before, stop, options)
                 t = stop
                 limit = stop + 1e-12 * (1 / self.Omega + abs(stop))
                 segment += np.where(exits <= limit, side, 0)
@@ -332,7 +341,7 @@ class Flow:
     def _exit(self, solver: Any, before: Array, segment: Integers, interval: Interval) -> tuple[Array, Integers]:
         """Return the instants in the last step at which elements leave their segments (inf if not), and the ends."""
         elements = np.arange(self.m)
-        low, high = self.segments.low[elements, segment], self.segments.high[elements, segment]
+        low, high = self.low[elements, segment], self.high[elements, segment]
         (d0, v0), (d1, v1) = self.gaps(solver.t_old, before, interval), self.gaps(solver.t, solver.y, interval)
         max_change = 2 * (solver.t - solver.t_old) * np.maximum(np.abs(v0), np.abs(v1))
         if np.all((np.maximum(d0, d1) + max_change < high) & (np.minimum(d0, d1) - max_change > low)):
@@ -363,13 +372,11 @@ def _sizes(flow: Flow, Y: Array) -> Array:
     return np.column_stack([size, *np.outer(size, 1 / size).T[: flow.columns - 1]]).ravel()
 
 
-def _repeat_step(
-    f: Any, t: float, Y: Array, end: float, method: str, tolerance: float, atol: Array, options: dict[str, Any]
-) -> Array:
+def _repeat_step(method: Method, f: Any, t: float, Y: Array, end: float, options: dict[str, Any]) -> Array:
     """Return the state at a breakpoint by a repeated step, which is more accurate than the dense output."""
     if end - t <= 1e-14 * abs(end):
         return Y
-    solver = getattr(scipy.integrate, method)(f, t, Y, end, rtol=tolerance, atol=atol, first_step=end - t, **options)
+    solver = method.start(f, t, Y, end, {**options, "first_step": end - t})
     while solver.status == "running":
         solver.step()
     return solver.y

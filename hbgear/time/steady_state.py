@@ -181,8 +181,8 @@ def _settle_batch(
             continue
         if p < 50:  # the size of a start at rest is zero
             size = np.maximum(size, np.linalg.norm(weights * integrator.to_modal(part), axis=-1))
-        period, distance, likely = (np.empty(len(active), dtype=kind) for kind in (np.int64, float, np.int64))
-        is_periodic(history, p, settling.periods, WINDOW, weights, size, settling.tolerance, period, distance, likely)
+        tested = is_periodic(history, p, settling.periods, WINDOW, weights, size, settling.tolerance)
+        period, distance, likely = tested
         if nearby:
             before = history[(p - _TEST_INTERVAL - 1) % len(history)] - part.zeta  # the steady part is equal at both
             period = np.where(period > 0, period, nearby(integrator.to_modal(part), integrator.to_modal(part) + before))

@@ -338,8 +338,7 @@ def test_remaining_decay_of_a_motion_of_several_periods(k, rho):
     x = np.exp(2j * np.pi * (p % k) / k) + 1e-3 * rho ** (p - float(last))
     past = np.zeros((len(p), 1, 2))
     past[(p - 1) % len(p), 0] = np.column_stack([x.real, x.imag])
-    period, left, guess = np.empty(1, dtype=int), np.empty(1), np.empty(1, dtype=int)
-    is_periodic(past, last, periods, window, np.ones((1, 2)), np.ones(1), 1e-12, period, left, guess)
+    period, left, guess = is_periodic(past, last, periods, window, np.ones((1, 2)), np.ones(1), 1e-12)
     assert period[0] == 0 and guess[0] == k
     assert left[0] == pytest.approx(1e-3 * rho ** -(window - 1 + k), rel=1e-8)
 

@@ -372,7 +372,7 @@ class ExponentialIntegrator:
 
     def _integrate(self, batch: StateBatch, periods: int, strobes: Array, fine: Array) -> None:
         """Integrate motions in place, many motions by several threads."""
-        from hbgear.time.exponential.kernels.data import allocate_tables, allocate_workspace
+        from hbgear.time.exponential.kernels.data import Shared, allocate_tables, allocate_workspace
         from hbgear.time.exponential.kernels.integrate import integrate_segments
 
         s, m, q, cells, B = self.s, self.m, self.q, periods * self.N, len(batch.d)
@@ -382,9 +382,9 @@ class ExponentialIntegrator:
         is_serial = any_in_python or cost * cells * B < _MAX_SERIAL_COST
         block_motions = min(B if is_serial else -(-B // (4 * processors())), _MAX_BLOCK_MOTIONS)
         block_cells = max(1, int(_MAX_CALL_COST / (cost * max(1, block_motions))))
-        steps = self.steps
-        tables = (steps.cells, steps.maps, steps.curves(not is_serial))
-        shared = (self.plan, self.method, self.breakpoints, *tables)
+        tables = (self.steps.cells, self.steps.maps, self.steps.curves(not is_serial))
+        shared = Shared(self.plan, self.method, self.breakpoints, *tables)
+        motions, out = batch.arrays(), (strobes, fine)
 
         def integrate_block(first: int, stop: Event) -> None:
             last = min(first + block_motions, B)
@@ -399,7 +399,7 @@ class ExponentialIntegrator:
                     return
                 work.progress[:, 0] = begin
                 end = min(begin + block_cells, cells)
-                while integrate_segments(*shared, cut, work, *batch.arrays(), first, last, begin, end, strobes, fine):
+                while integrate_segments(shared, cut, work, motions, (first, last, begin, end), out):
                     self._evaluate_laws(work, first)
             if not any_in_python:
                 self._workspaces.append((cut, work))

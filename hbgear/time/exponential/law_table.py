@@ -9,7 +9,7 @@ teeth is such a spring of d - level(tau), with segments of this distance. Other 
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +18,10 @@ from hbgear.common.arrays import Array
 from hbgear.mechanics.laws.laws import Law
 from hbgear.mechanics.laws.mesh_contacts import MovingSpring, moving_springs_of
 from hbgear.mechanics.series.fourier import Series, to_complex
-from hbgear.time.exponential.segments import Bools, Integers
+from hbgear.time.exponential.segments import Bools, Integers, single_spring
+
+Split = tuple[tuple[MovingSpring, ...], float, float]
+"""Springs of a law, and the coefficients k1 and k3 of its cubic spring."""
 
 
 @dataclass(frozen=True)
@@ -56,9 +59,9 @@ class LawTable:
     in_python: Bools
 
     @staticmethod
-    def of(laws: Sequence[Law]) -> LawTable:
-        """Return the table of laws in order."""
-        splits = [moving_springs_of(law) for law in laws]
+    def of(laws: Sequence[Law], split: Callable[[Law], Split | None] = moving_springs_of) -> LawTable:
+        """Return the table of laws in order, whose springs ``split`` returns; None for a law in Python."""
+        splits = [split(law) for law in laws]
         terms = [((), 0.0, 0.0) if part is None else part for part in splits]
         springs = [(j, spring) for j, part in enumerate(terms) for spring in part[0]]
         element = np.array([j for j, _ in springs], dtype=int)
@@ -106,6 +109,12 @@ class LawTable:
         }
         first = tables[0]
         return LawTable(first.element, first.contact, stiffness=np.array(stiffness), in_python=first.in_python, **rows)
+
+
+def as_one_spring(law: Law) -> Split | None:
+    """Return a law as one piecewise-linear spring, linear on its segments; None if it is not one spring."""
+    spring = single_spring(law)
+    return None if spring is None else ((MovingSpring(spring, None),), 0.0, 0.0)
 
 
 def _moves(spring: MovingSpring) -> bool:

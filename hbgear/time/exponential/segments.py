@@ -5,8 +5,7 @@ On its segment a law is smooth, so that a time step that ends at the breakpoint 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable
 
 import numpy as np
 
@@ -31,50 +30,11 @@ ROOT_TOLERANCE = 1e-15
 """Relative tolerance [-] of the instant at which a motion reaches a breakpoint."""
 
 
-@dataclass(frozen=True)
-class LawSegments:
-    """Segments between the breakpoints of the laws of m elements, padded to the largest number.
-
-    On segment i of element j: low[j, i] < d < high[j, i]. If line[j] is true, the law is
-    p = stiffness(tau) (slope d + offset).
-    """
-
-    slope: Array
-    offset: Array
-    low: Array
-    high: Array
-    line: Bools
-
-    @staticmethod
-    def of(laws: Sequence[Law]) -> LawSegments:
-        """Return the segments of laws in order."""
-        springs = [single_spring(law) for law in laws]
-        edges_of = [law.breakpoints if s is None else s.corners for law, s in zip(laws, springs, strict=True)]
-        count = max(map(len, edges_of)) + 1
-        slope, offset = np.zeros((2, len(laws), count))
-        low, high = np.full((2, len(laws), count), np.inf)
-        for j, spring in enumerate(springs):
-            breakpoints = np.array(edges_of[j], dtype=float)
-            edges = np.concatenate([[-np.inf], breakpoints, np.full(count - len(breakpoints), np.inf)])
-            low[j], high[j] = edges[:-1], edges[1:]
-            if spring is not None:
-                g0, changes, _ = spring.ramps
-                zones = slice(0, len(breakpoints) + 1)
-                slope[j, zones] = spring.slopes
-                offset[j, zones] = g0 - np.concatenate([[0.0], np.cumsum(changes * breakpoints)])
-        return LawSegments(slope, offset, low, high, np.array([spring is not None for spring in springs]))
-
-    def numbers(self) -> tuple[Array, Array, Array, Array]:
-        """Return slope, offset, low and high."""
-        return self.slope, self.offset, self.low, self.high
-
-    def at(self, d: Array, v: Array) -> Integers:
-        """Return the segment of each element at d (..., m); on a breakpoint the segment into which the rate v leads."""
-        return segment_at(self.high, d, v)
-
-
 def segment_at(high: Array, d: Array, v: Array) -> Integers:
-    """Return `LawSegments.at` for segments with upper ends ``high`` (..., m, segments)."""
+    """Return the segments of elements at d (..., m) with upper ends ``high`` (..., m, segments).
+
+    On a breakpoint it is the segment into which the rate v leads.
+    """
     beyond = d[..., None] - high
     rounding = BREAKPOINT_TOLERANCE * (np.abs(d[..., None]) + np.where(np.isfinite(high), np.abs(high), 0.0))
     return np.sum(np.where(np.abs(beyond) <= rounding, v[..., None] >= 0, beyond > 0), axis=-1)

@@ -6,17 +6,16 @@ import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.common.process.compiling import kernel
-from hbgear.time.exponential.kernels.data import Breakpoints
+from hbgear.time.exponential.kernels.data import Breakpoints, Part
 from hbgear.time.exponential.kernels.tables import segment_of
 
 
 @kernel
-def set_levels(
-    breakpoints: Breakpoints | None, r: int, x: float, length: float, N: int, springs: int, m: int, levels: Array
-) -> None:
-    """Set the levels of all contacts on (x, x + length), in cells of the period; no breakpoint lies inside."""
+def set_levels(breakpoints: Breakpoints | None, r: int, part: Part, springs: int, m: int, levels: Array) -> None:
+    """Set the levels of all contacts on a part of the period; no breakpoint lies inside."""
     if breakpoints is None:
         return
+    x, length, N = part
     starts, rows, unit = breakpoints.starts, breakpoints.rows, 2 * np.pi / N
     width = unit * length
     for j in range(m, len(levels)):

@@ -89,6 +89,23 @@ class Method(NamedTuple):
     slopes: Array
 
 
+class Shared(NamedTuple):
+    """Packed models with their steps over whole cells.
+
+    plan, method, breakpoints: see `Plan`, `Method` and `Breakpoints`. cells: tables for R rows and N cells.
+    maps: steps over whole cells that are linear in the state alone, see `fold`, or empty.
+    curves: D rows of Chebyshev coefficients of turn, observe, feedback and push over the length of a step; without rows
+    these tables are computed.
+    """
+
+    plan: Plan
+    method: Method
+    breakpoints: Breakpoints | None
+    cells: Tables
+    maps: Array
+    curves: Tables
+
+
 class Work(NamedTuple):
     """State of G motions that are integrated together, and scratch arrays.
 
@@ -120,6 +137,9 @@ class Work(NamedTuple):
     zeta_end: Array
     scratch: Array
 
+
+Part = tuple[float, float, int]
+"""Part (x, x + length) of a period of N cells, in cells: x, length, N."""
 
 # columns of Work.progress
 CELL, TARGET, LENGTH_CORRECTIONS, SEGMENTS_PASSED, NEWTON_ITERATIONS, IS_DIVIDED, ROW = range(7)

@@ -14,21 +14,9 @@ from hbgear.time.exponential.segments import BREAKPOINT_TOLERANCE, SAMPLES_PER_S
 
 
 @kernel
-def may_leave(
-    nodes: Array,
-    y: Array,
-    d: Array,
-    v: Array,
-    owner: Integers,
-    levels: Array,
-    segment: Integers,
-    low: Array,
-    high: Array,
-    h: float,
-    span: Array,
-    exits: Array,
-) -> bool:
+def may_leave(arguments: Any) -> bool:
     """Return whether any element or contact may leave its segment; ``exits`` are 0 for these and inf for the others."""
+    nodes, y, d, v, owner, levels, segment, low, high, h, span, exits = arguments
     any_may_leave = False
     h *= span[1]
     for j in range(len(segment)):
@@ -40,9 +28,9 @@ def may_leave(
 
 @kernel
 def exit_arguments(plan: Plan, method: Method, d: Array, v: Array, segment: Integers, work: Work) -> Any:
-    """Return the arguments of `may_leave` and `first_exit` for rows of the plan and the work."""
+    """Return the arguments of `may_leave`, and those of `first_exit` in addition, for rows of the plan and the work."""
     step = method.nodes, work.y, d, v, method.owner, work.levels, segment, plan.low, plan.high, plan.h, work.span
-    return (*step, work.exits), (*step, work.exits, work.side, work.samples, method.dense, method.values, method.slopes)
+    return (*step, work.exits), (work.side, work.samples, method.dense, method.values, method.slopes)
 
 
 @kernel
@@ -77,29 +65,13 @@ def _may_leave_segment(
 
 
 @kernel
-def first_exit(
-    nodes: Array,
-    y: Array,
-    d: Array,
-    v: Array,
-    owner: Integers,
-    levels: Array,
-    segment: Integers,
-    low: Array,
-    high: Array,
-    h: float,
-    span: Array,
-    exits: Array,
-    side: Integers,
-    samples: Array,
-    dense: Array,
-    values: Array,
-    slopes: Array,
-) -> int:
+def first_exit(arguments: Any, tables: Any) -> int:
     """Return the element or contact that first leaves its segment, or -1; ``exits`` and ``side`` are the exits of all.
 
     ``exits`` are in units of the step, inf without exit. Only rows with a finite value are tested, see `may_leave`.
     """
+    nodes, y, d, v, owner, levels, segment, low, high, h, span, exits = arguments
+    side, samples, dense, values, slopes = tables
     first = -1
     h *= span[1]
     c, gaps, rates, data = samples[0], samples[1], samples[2], samples[3]

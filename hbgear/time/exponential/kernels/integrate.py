@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from hbgear.common.arrays import Array
 from hbgear.common.process.compiling import kernel
@@ -23,9 +23,8 @@ from hbgear.time.exponential.kernels.data import (
     TARGET,
     TO_END,
     TO_EXIT,
-    Breakpoints,
-    Method,
     Plan,
+    Shared,
     Tables,
     Work,
 )
@@ -33,6 +32,7 @@ from hbgear.time.exponential.kernels.exits import exit_arguments, first_exit, ma
 from hbgear.time.exponential.kernels.newton import (
     correct,
     folded_step,
+    law_arguments,
     linearise,
     newton_arguments,
     predict,
@@ -60,24 +60,7 @@ _MAX_LENGTH_CORRECTIONS = 3  # corrections of the length of a step that ends on 
 
 @kernel
 def integrate_segments(
-    plan: Plan,
-    method: Method,
-    breakpoints: Breakpoints | None,
-    cells: Tables,
-    maps: Array,
-    curves: Tables,
-    cut: Tables,
-    work: Work,
-    zeta: Array,
-    d: Array,
-    v: Array,
-    segment: Integers,
-    first: int,
-    last: int,
-    begin: int,
-    end: int,
-    strobes: Array,
-    fine: Array,
+    shared: Shared, cut: Tables, work: Work, motions: Any, block: tuple[int, int, int, int], out: tuple[Array, Array]
 ) -> int:
     """Integrate the motions first..last over the cells begin..end in place; return the number of unfinished ones.
 
@@ -86,51 +69,34 @@ def integrate_segments(
 
     Parameters
     ----------
-    plan : Plan
-        Packed models.
-    method : Method
-        Data that are equal for all motions.
-    breakpoints : Breakpoints or None
-        Breakpoints of the excitation.
-    cells : Tables
-        Steps over whole cells, for R rows and N cells.
-    maps : ndarray
-        Steps over whole cells that are linear in the state alone, see `fold`, or empty.
-    curves : Tables
-        D rows of Chebyshev coefficients of turn, observe, feedback and push over the length of a step. Without rows
-        these tables are computed.
+    shared : Shared
+        Packed models and their steps.
     cut : Tables
         Steps over partial cells, for G rows and one cell.
     work : Work
         Workspace.
-    zeta : ndarray, shape (B, 2 q)
-        Real parts, then imaginary parts.
-    d, v : ndarray, shape (B, m)
-        Displacements and rates of the elements.
-    segment : ndarray, shape (B, m + J)
-        Segments of the elements and contacts.
-    first, last : int
-        Range of the motions.
-    begin, end : int
-        Range of the cells. N cells are an excitation period, which begins with cell 0.
-    strobes : ndarray, shape (periods, B, 2 q)
-        Output: zeta after each period; or empty.
-    fine : ndarray, shape (2, B, m, periods N SAMPLES_PER_STEP)
-        Output: d and v at equidistant instants; or empty.
+    motions : tuple of ndarray
+        `StateBatch.arrays` of B motions: zeta, d, v and segment.
+    block : tuple of int
+        first, last, begin, end: ranges of the motions and of the cells. N cells are an excitation period, which begins
+        with cell 0.
+    out : tuple of ndarray, shapes (periods, B, 2 q) and (2, B, m, periods N SAMPLES_PER_STEP)
+        Outputs: zeta after each period; d and v at equidistant instants. Either may be empty.
 
     Returns
     -------
     int
         Number of motions that wait for forces.
     """
-    any_in_python, waiting = method.in_python.any(), 0
+    plan, (zeta, d, v, segment), (first, last, begin, end) = shared.plan, motions, block
+    any_in_python, waiting = shared.method.in_python.any(), 0
     for b in range(first, last):
         r, g = b if len(plan.h) > 1 else 0, b - first if any_in_python else 0
         motion, step = Motion(b, r, zeta[b], d[b], v[b], segment[b]), work_row(work, g)
-        rows = plan_row(plan, r), table_row(cells, r), table_row(cut, g)
+        rows = plan_row(plan, r), table_row(shared.cells, r), table_row(cut, g)
         if not any_in_python:
             step.progress[CELL] = begin
-        waiting += _integrate_motion(motion, *rows, method, breakpoints, maps, curves, step, end, strobes, fine)
+        waiting += _integrate_motion(motion, *rows, step, shared, end, out)
     return waiting
 
 
@@ -147,22 +113,13 @@ class Motion(NamedTuple):
 
 @kernel
 def _integrate_motion(
-    motion: Motion,
-    plan: Plan,
-    whole: Tables,
-    cut: Tables,
-    method: Method,
-    breakpoints: Breakpoints | None,
-    maps: Array,
-    curves: Tables,
-    work: Work,
-    end: int,
-    strobes: Array,
-    fine: Array,
+    motion: Motion, plan: Plan, whole: Tables, cut: Tables, work: Work, shared: Shared, end: int, out: Any
 ) -> int:
     """Integrate one motion up to a cell; return 1 if it waits for forces. Plan, tables and work are its rows."""
     b, r, z, d, v, segment = motion
-    low, high, owner, dense, straight, h = plan.low, plan.high, method.owner, method.dense, method.straight, plan.h
+    method, breakpoints, maps, curves = shared.method, shared.breakpoints, shared.maps, shared.curves
+    strobes, fine = out
+    low, dense, straight, h = plan.low, method.dense, method.straight, plan.h
     progress, prepared, span, free, y, w, exits, side, levels = work[:9]
     samples, zeta_end, observe, drive = work.samples, work.zeta_end, whole.observe, whole.drive
     turn, push, cut_turn, cut_push = whole.turn, whole.push, cut.turn, cut.push
@@ -172,9 +129,10 @@ def _integrate_motion(
     turns_of, observes_of, feedbacks_of, pushes_of = curves[:4]
     flat_observe, flat_feedback, flat_push = cut_observe.reshape(-1), cut.feedback.reshape(-1), cut_push.reshape(-1)
     of_tables = table_arguments(plan, method, work, cut)
-    of_whole, of_whole_correction = newton_arguments(plan, method, breakpoints, whole, segment, work)
-    of_cut, of_cut_correction = newton_arguments(plan, method, breakpoints, cut, segment, work)
-    of_test, of_exit = exit_arguments(plan, method, d, v, segment, work)
+    of_laws = law_arguments(plan, method, segment, work)
+    of_whole, of_whole_correction = newton_arguments(whole, work)
+    of_cut, of_cut_correction = newton_arguments(cut, work)
+    of_step, of_exit = exit_arguments(plan, method, d, v, segment, work)
     while True:
         cell = progress[CELL] % N
         is_whole = progress[SEGMENTS_PASSED] == 0 and progress[TARGET] == TO_EXIT and progress[IS_DIVIDED] == 0
@@ -186,7 +144,8 @@ def _integrate_motion(
                 is_whole = span[1] == 1.0
                 progress[IS_DIVIDED] = 0 if is_whole else 1
             progress[ROW] = cell if is_whole else 0
-            set_levels(breakpoints, r, cell + span[0], span[1], N, len(plan.slope), len(d), levels)
+            part = cell + span[0], span[1], N
+            set_levels(breakpoints, r, part, len(plan.slope), len(d), levels)
             if is_whole and has_maps:
                 folded_step(maps, cell, segment, low.shape[1], z, y, zeta_end)
             elif is_whole:
@@ -198,9 +157,9 @@ def _integrate_motion(
                     evaluate_series(feedbacks_of, span[1], flat_feedback)
                     evaluate_series(pushes_of, span[1], flat_push)
                 else:
-                    tabulate(*of_tables)
-                excite(steady, stiffness, nodes, cell + span[0], span[1], N, 0, cut_drive, cut_k)
-                add_piecewise(breakpoints, r, h, nodes, cell + span[0], span[1], N, 0, cut_drive, cut_k)
+                    tabulate(of_tables)
+                excite(steady, stiffness, nodes, part, 0, cut_drive, cut_k)
+                add_piecewise(breakpoints, r, h, nodes, part, 0, cut_drive, cut_k)
                 predict(cut_observe, cut_drive, 0, z, free, y, w)
             prepared[0], progress[NEWTON_ITERATIONS] = True, 0
             if any_in_python:
@@ -208,9 +167,9 @@ def _integrate_motion(
         if is_whole and has_maps:
             size = change = 0.0
         elif is_whole:
-            size, change = linearise(*of_whole), correct(*of_whole_correction)
+            size, change = linearise(of_laws, of_whole, breakpoints), correct(*of_whole_correction)
         else:
-            size, change = linearise(*of_cut), correct(*of_cut_correction)
+            size, change = linearise(of_laws, of_cut, breakpoints), correct(*of_cut_correction)
         progress[NEWTON_ITERATIONS] += 1
         if not straight and change > 1e-13 * size and progress[NEWTON_ITERATIONS] < _MAX_NEWTON_ITERATIONS:
             if any_in_python:
@@ -218,14 +177,14 @@ def _integrate_motion(
             continue
         prepared[0] = False
         if progress[TARGET] == TO_EXIT:
-            stop = first_exit(*of_exit) if may_leave(*of_test) else -1
+            stop = first_exit(of_step, of_exit) if may_leave(of_step) else -1
             if stop >= 0:
                 span[1] *= exits[stop]
                 progress[TARGET], progress[LENGTH_CORRECTIONS] = stop, 0
                 continue
         elif progress[TARGET] >= 0:
             limit = next_breakpoint(breakpoints, r, cell, span[0])
-            if _corrects_length(y, len(d), owner, levels, segment, low, high, h, side, progress, span, limit):
+            if _corrects_length(of_step, side, progress, limit):
                 continue
         if fine.shape[3]:
             record(dense, y, d, v, span, h, samples, progress[CELL] * SAMPLES_PER_STEP, b, fine)
@@ -267,25 +226,13 @@ def _finish_step(segment: Integers, exits: Array, side: Integers, progress: Inte
 
 
 @kernel
-def _corrects_length(
-    y: Array,
-    m: int,
-    owner: Integers,
-    levels: Array,
-    segment: Integers,
-    low: Array,
-    high: Array,
-    h: float,
-    side: Integers,
-    progress: Integers,
-    span: Array,
-    limit: float,
-) -> bool:
+def _corrects_length(arguments: Any, side: Integers, progress: Integers, limit: float) -> bool:
     """Return whether a step must be repeated with a corrected length, because it does not end on its breakpoint.
 
     The step does not exceed the limit, in the cell.
     """
-    j, end = progress[TARGET], len(y) - 2 * m
+    _, y, d, _, owner, levels, segment, low, high, h, span, _ = arguments
+    j, m, end = progress[TARGET], len(d), len(y) - 2 * len(d)
     level = high[j, segment[j]] if side[j] > 0 else low[j, segment[j]]
     error, rate = y[end + owner[j]] - level, y[end + m + owner[j]]
     size = max(abs(level), abs(y[end + owner[j]]), abs(y[owner[j]]), h * abs(y[m + owner[j]]), h * abs(rate))

@@ -11,7 +11,7 @@ from hbgear.common.process.compiling import kernel
 from hbgear.time.exponential.kernels.breakpoints import level_at
 from hbgear.time.exponential.kernels.data import ROW, Breakpoints, Method, Plan, Tables, Work
 from hbgear.time.exponential.kernels.tables import plan_row, table_row, work_row
-from hbgear.time.exponential.segments import Bools, Integers
+from hbgear.time.exponential.segments import Integers
 
 
 @kernel
@@ -30,29 +30,10 @@ def predict(observe: Array, drive: Array, cell: int, zeta: Array, free: Array, y
 
 
 @kernel
-def linearise(
-    kr: Array,
-    cubic: Array,
-    element: Integers,
-    contact: Integers,
-    slope: Array,
-    offset: Array,
-    segment: Integers,
-    in_python: Bools,
-    forces: Array,
-    k: Array,
-    feedback: Array,
-    progress: Integers,
-    y: Array,
-    w: Array,
-    J: Array,
-    right: Array,
-    scratch: Array,
-    breakpoints: Breakpoints | None,
-    nodes: Array,
-    levels: Array,
-) -> float:
+def linearise(laws: Any, step: Any, breakpoints: Breakpoints | None) -> float:
     """Compute the equations J step = right of the next Newton step for w, and return the size of the forces."""
+    kr, cubic, element, contact, slope, offset, segment, in_python, nodes, levels = laws
+    forces, k, feedback, progress, y, w, J, right, scratch = step
     s, m, size, cell = k.shape[1], len(kr), 0.0, progress[ROW]
     for i in range(s):
         for j in range(m):
@@ -105,14 +86,17 @@ def correct(J: Array, right: Array, feedback: Array, free: Array, y: Array, w: A
 
 
 @kernel
-def newton_arguments(
-    plan: Plan, method: Method, breakpoints: Breakpoints | None, table: Tables, segment: Integers, work: Work
-) -> Any:
-    """Return the arguments of `linearise` and of `correct` for rows of the plan, the tables and the work."""
+def law_arguments(plan: Plan, method: Method, segment: Integers, work: Work) -> Any:
+    """Return the first argument of `linearise` for rows of the plan and the work."""
     laws = plan.kr, plan.cubic, method.element, method.contact, plan.slope, plan.offset, segment, method.in_python
+    return (*laws, method.nodes, work.levels)
+
+
+@kernel
+def newton_arguments(table: Tables, work: Work) -> Any:
+    """Return the second argument of `linearise` and the arguments of `correct` for rows of the tables and the work."""
     step = work.forces, table.k, table.feedback, work.progress, work.y, work.w, work.J, work.right, work.scratch
-    correction = work.J, work.right, table.feedback, work.free, work.y, work.w
-    return (*laws, *step, breakpoints, method.nodes, work.levels), correction
+    return step, (work.J, work.right, table.feedback, work.free, work.y, work.w)
 
 
 @kernel
@@ -166,7 +150,7 @@ def fold(plan: Plan, method: Method, breakpoints: Breakpoints | None, cells: Tab
     n = out.shape[3] - size
     row, table, step = plan_row(plan, 0), table_row(cells, 0), work_row(work, 0)
     segment, zeta, y, w = np.zeros(m, dtype=np.int64), work.zeta_end, step.y, step.w
-    of_equations, of_correction = newton_arguments(row, method, breakpoints, table, segment, step)
+    of_laws, (of_equations, of_correction) = law_arguments(row, method, segment, step), newton_arguments(table, step)
     for cell in range(out.shape[0]):
         for combination in range(out.shape[1]):
             for j in range(m):
@@ -176,7 +160,7 @@ def fold(plan: Plan, method: Method, breakpoints: Breakpoints | None, cells: Tab
                     zeta[r] = 1.0 if r == u else 0.0
                 predict(table.observe, table.drive, cell, zeta, step.free, y, w)
                 step.progress[ROW] = cell
-                linearise(*of_equations)
+                linearise(of_laws, of_equations, breakpoints)
                 correct(*of_correction)
                 propagate_state(table.turn, table.push, w, zeta)
                 for i in range(n + size):

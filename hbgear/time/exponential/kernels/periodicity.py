@@ -11,17 +11,8 @@ from hbgear.time.exponential.segments import Integers
 
 @kernel
 def is_periodic(
-    history: Array,
-    p: int,
-    periods: int,
-    window: int,
-    weights: Array,
-    size: Array,
-    tolerance: float,
-    period: Integers,
-    remaining_distance: Array,
-    guess: Integers,
-) -> None:
+    history: Array, p: int, periods: int, window: int, weights: Array, size: Array, tolerance: float
+) -> tuple[Integers, Array, Integers]:
     """Estimate the period and the remaining distance of B motions after p excitation periods.
 
     Parameters
@@ -40,17 +31,20 @@ def is_periodic(
         Sizes of the states.
     tolerance : float
         Remaining distance, relative to the size, below which a motion is settled.
+
+    Returns
+    -------
     period : ndarray, shape (B,)
-        Output: period, 0 if the motion is not settled.
+        Period, 0 if the motion is not settled.
     remaining_distance : ndarray, shape (B,)
-        Output: remaining distance for the period ``guess``.
+        Remaining distance for the period ``guess``.
     guess : ndarray, shape (B,)
-        Output: period with the smallest remaining distance.
+        Period with the smallest remaining distance.
     """
     T, B, r = history.shape
+    period, guess, remaining_distance = np.zeros(B, np.int64), np.ones(B, np.int64), np.full(B, np.inf)
     for b in range(B):
         row = b if len(weights) > 1 else 0
-        period[b], guess[b], remaining_distance[b] = 0, 1, np.inf
         first = small = 0
         for k in range(1, periods + 1):
             new = old = 0.0
@@ -78,3 +72,4 @@ def is_periodic(
                 small = k
         if first:  # a multiple of the period may converge first; the smallest period with a small distance is taken
             period[b] = min(first, small) if small else first
+    return period, remaining_distance, guess

@@ -9,31 +9,17 @@ import numpy as np
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.process.compiling import kernel
 from hbgear.harmonic.multipliers.phi_functions import integrals
-from hbgear.time.exponential.kernels.data import Breakpoints, Method, Plan, Tables, Work
+from hbgear.time.exponential.kernels.data import Breakpoints, Method, Part, Plan, Tables, Work
 
 
 @kernel
-def tabulate(
-    poles: ComplexArray,
-    output: ComplexArray,
-    input: ComplexArray,
-    h: float,
-    span: Array,
-    nodes: Array,
-    lagrange: Array,
-    turn: ComplexArray,
-    observe: Array,
-    feedback: Array,
-    push: Array,
-    turns: ComplexArray,
-    inner: ComplexArray,
-    powers: ComplexArray,
-    scratch: Array,
-) -> None:
+def tabulate(arguments: Any) -> None:
     """Compute the tables of a step of length span[1] h for zeta and for w at the Gauss points.
 
-    turn, observe, feedback and push are outputs, see `Tables`; the last four arrays are scratch arrays.
+    ``arguments`` are those of `table_arguments`. turn, observe, feedback and push are outputs, see `Tables`.
     """
+    poles, output, input, h, span, nodes, lagrange = arguments[:7]
+    turn, observe, feedback, push, turns, inner, powers, scratch = arguments[7:]
     q, m, s = len(poles), input.shape[1], len(lagrange)
     integrals(poles, span[1] * h, nodes, lagrange, turns, inner, powers)
     for i in range(len(feedback)):
@@ -70,21 +56,13 @@ def evaluate_series(curves: Array, length: float, out: Array) -> None:
 
 @kernel
 def excite(
-    steady: ComplexArray,
-    stiffness: ComplexArray,
-    nodes: Array,
-    x: float,
-    length: float,
-    N: int,
-    cell: int,
-    drive: Array,
-    k: Array,
+    steady: ComplexArray, stiffness: ComplexArray, nodes: Array, part: Part, cell: int, drive: Array, k: Array
 ) -> None:
-    """Evaluate steady (L + 1, 2 m) and stiffness (S, K + 1) at the nodes of (x, x + length), in cells of the period.
+    """Evaluate steady (L + 1, 2 m) and stiffness (S, K + 1) at the nodes of a part of the period.
 
     Outputs are drive (C, (s + 1) 2 m) and k (C, s, S), at the given cell.
     """
-    columns = steady.shape[1]
+    columns, (x, length, N) = steady.shape[1], part
     for i in range(len(nodes)):
         tau = 2 * np.pi / N * (x + length * nodes[i])
         base, wave = complex(np.cos(tau), np.sin(tau)), complex(1.0, 0.0)
@@ -109,16 +87,7 @@ def excite(
 
 @kernel
 def add_piecewise(
-    breakpoints: Breakpoints | None,
-    r: int,
-    h: float,
-    nodes: Array,
-    x: float,
-    length: float,
-    N: int,
-    cell: int,
-    drive: Array,
-    k: Array,
+    breakpoints: Breakpoints | None, r: int, h: float, nodes: Array, part: Part, cell: int, drive: Array, k: Array
 ) -> None:
     """Add the functions with breakpoints of row r to the output of `excite`; no breakpoint lies inside the part.
 
@@ -126,6 +95,7 @@ def add_piecewise(
     """
     if breakpoints is None:
         return
+    x, length, N = part
     starts, rows, kr, c = breakpoints.starts, breakpoints.rows, breakpoints.kr, breakpoints.c
     m, unit, rate = kr.shape[1], 2 * np.pi / N, 2 * np.pi / (N * h)
     springs = k.shape[2] - m
@@ -162,10 +132,10 @@ def fill(plan: Plan, method: Method, breakpoints: Breakpoints | None, lengths: A
         r, cells = i if len(plan.h) > 1 else 0, out.drive.shape[1]
         row, table, step = plan_row(plan, r), table_row(out, i), work_row(work, 0)
         step.span[1] = lengths[i]
-        tabulate(*table_arguments(row, method, step, table))
+        tabulate(table_arguments(row, method, step, table))
         for cell in range(cells):
-            excite(row.steady, row.stiffness, method.nodes, float(cell), 1.0, cells, cell, table.drive, table.k)
-            add_piecewise(breakpoints, r, row.h, method.nodes, float(cell), 1.0, cells, cell, table.drive, table.k)
+            excite(row.steady, row.stiffness, method.nodes, (float(cell), 1.0, cells), cell, table.drive, table.k)
+            add_piecewise(breakpoints, r, row.h, method.nodes, (float(cell), 1.0, cells), cell, table.drive, table.k)
 
 
 @kernel
