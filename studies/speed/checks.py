@@ -17,7 +17,7 @@ from typing import Any
 from threadpoolctl import threadpool_limits
 
 import hbgear as hb
-from hbgear.common.arrays import Array
+from hbgear.continuation.problem.curve_equations import CurveSolutions
 from studies import study
 
 ALONE = True
@@ -33,7 +33,7 @@ CASES: dict[str, tuple[Callable[[], hb.mechanics.Model], int]] = {
 class Unchecked(hb.HarmonicBalance):
     """A balance whose multipliers are taken as they are."""
 
-    def verify_stability(self, X: Array, name: str, values: Array, seen: Sequence[dict[str, Any]], *rest: Any) -> None:
+    def verify_stability(self, solutions: CurveSolutions, seen: Sequence[dict[str, Any]], *rest: Any) -> None:
         """State no error of any multiplier."""
         for record in seen:
             record["modulus_error"] = float("nan")

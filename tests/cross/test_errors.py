@@ -16,6 +16,7 @@ from hbgear.continuation.events.event import LocatedEvent, RefinedLocation
 from hbgear.continuation.events.fold import FoldEvent
 from hbgear.continuation.problem.adapter import as_problem
 from hbgear.continuation.problem.base import ContinuationProblem
+from hbgear.continuation.problem.curve_equations import CurveSolutions
 from hbgear.continuation.solvers.newton import solve
 from hbgear.harmonic.multipliers.multiplier_error import difference_of, estimate_multiplier_error
 from hbgear.harmonic.stability import verification
@@ -171,7 +172,7 @@ def test_errors_of_few_multipliers_give_those_of_the_points_between(zeta, harmon
 
     monkeypatch.setattr(verification, "second_set", counted)
     monkeypatch.setattr(verification.UndecidedPoint, "refined", lambda point, *_: point.stability)
-    problem.verify_stability(curve.X, "Omega", curve.values, seen, {})
+    problem.verify_stability(CurveSolutions(curve.X, "Omega", curve.values, {}), seen)
     computed = np.zeros(len(curve), dtype=bool)
     computed[[rows[x] for x in asked]] = True
     stated = np.array([one["modulus_error"] for one in seen])

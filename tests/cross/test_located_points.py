@@ -13,6 +13,7 @@ from hbgear.continuation.events.branch_point import BranchPointEvent
 from hbgear.continuation.events.event import LocatedEvent
 from hbgear.continuation.problem.adapter import as_problem
 from hbgear.continuation.problem.base import observe_all
+from hbgear.continuation.problem.curve_equations import CurveEquations
 from hbgear.continuation.solvers.newton import solve
 from hbgear.harmonic.bifurcations.multiplier_events import NeimarkSackerEvent, PeriodDoublingEvent
 
@@ -123,7 +124,8 @@ def segment_without_events(event):
         point_from_solution(solve(problem, curve.X[k], {"Omega": curve.values[k]}, "Omega"), np.eye(14)[-1], scale)
         for k in (0, 2)
     ]
-    for row, seen in zip(rows, observe_all(problem, np.array([r.u for r in rows]), "Omega", {}, True), strict=True):
+    observed = observe_all(CurveEquations(problem, "Omega", {}), np.array([r.u for r in rows]), True)
+    for row, seen in zip(rows, observed, strict=True):
         row.observed.update(seen)
     return Segment(problem, "Omega", {}, *rows, scale, hb.NewtonSettings()), LocatedEvent(event, 0.0, rows[0], True)
 

@@ -9,6 +9,7 @@ import scipy
 from machines import single_mass
 
 import hbgear as hb
+from hbgear.continuation.problem.curve_equations import CurveSolutions
 from hbgear.continuation.results.reliability import stable_on_both_sides, unexplained_changes
 from hbgear.continuation.results.stability import stability_codes
 from hbgear.continuation.solvers.newton import NoConvergence, solve
@@ -94,7 +95,7 @@ def test_short_contacts_are_refined_only_where_they_can_change_the_stability(k, 
     X, Omega = np.zeros(17), 1.0
     X[1], X[2] = 0.0, 0.5 * (1 + 1e-3 / np.sqrt(k))
     seen = problem.observe_many(X[None], "Omega", np.array([Omega]))[0] | {"determinant": 0}
-    problem.verify_stability(X[None], "Omega", np.array([Omega]), [seen], {})
+    problem.verify_stability(CurveSolutions(X[None], "Omega", np.array([Omega]), {}), [seen])
     assert shortest_intervals(problem.compiled({}), X[None])[0] < np.pi / 8
     assert (seen["modulus_error"] >= 1e-7) == refined
 
@@ -128,7 +129,7 @@ def test_an_exact_motion_on_the_other_side_of_a_fold_is_not_used():
         "determinant": sign,
         "contradicts": True,
     }
-    problem.verify_stability(X[None], "Omega", np.array([Omega]), [observed], {})
+    problem.verify_stability(CurveSolutions(X[None], "Omega", np.array([Omega]), {}), [observed])
     finer = problem.with_order(1, 256)
     multipliers = finer.multipliers(solve(finer, finer.resized(X), {"Omega": Omega}).X, Omega=Omega)
     assert abs(multipliers[0].imag) > 0.5
@@ -188,7 +189,7 @@ def test_multipliers_beyond_the_circle_are_counted():
 def test_both_determinants_have_the_parity_of_the_multipliers(model, span, H, least):
     """At every row that is not next to a special point, and with one multiplier more beyond +1 they do not."""
     curve = hb.trace(hb.HarmonicBalance(model, H), "Omega", span, special=False, accuracy=None)
-    parity = Parity.of(curve.problem, "Omega", curve.values, {})
+    parity = Parity.of(curve.problem, CurveSolutions(curve.X, "Omega", curve.values, {}))
     odd, checked = 0, 0
     for i in range(len(curve)):
         mu, here = curve.multipliers[i], curve.parameters_at(i)
@@ -293,7 +294,9 @@ def test_doubt_about_a_law_that_is_not_piecewise_linear_is_refined_with_more_har
     for point in (curve[i] for i in rows):
         seen = problem.observe(point.X, True, **point.parameters) | {"determinant": 0, "contradicts": True}
         rest = {name: value for name, value in point.parameters.items() if name != "Omega"}
-        problem.verify_stability(point.X[None], "Omega", np.array([point.parameters["Omega"]]), [seen], rest)
+        problem.verify_stability(
+            CurveSolutions(point.X[None], "Omega", np.array([point.parameters["Omega"]]), rest), [seen]
+        )
         shot = hb.time.shoot(model, point.parameters["Omega"], state_of(problem, point.X, **point.parameters))
         assert np.abs(seen["multipliers"]).max() == pytest.approx(np.abs(shot.multipliers).max(), abs=1e-3)
 
@@ -305,6 +308,6 @@ def test_multipliers_of_a_motion_without_contact_have_no_error_and_no_warning():
     X = problem.start(Omega=0.5)
     seen = problem.observe(X, True, Omega=0.5) | {"determinant": 1, "contradicts": True}
     with warnings.catch_warnings(action="error"):
-        problem.verify_stability(X[None], "Omega", np.array([0.5]), [seen], {})
+        problem.verify_stability(CurveSolutions(X[None], "Omega", np.array([0.5]), {}), [seen])
     assert seen["error"] == 0 and seen["modulus_error"] <= 1e-7
     np.testing.assert_allclose(np.abs(seen["multipliers"]), np.exp(-0.05 * 2 * np.pi / 0.5), rtol=1e-9)

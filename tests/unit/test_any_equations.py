@@ -162,8 +162,9 @@ class Looped(Circle):
         self.asked.append((name, dict(parameters)))
         return self.rows
 
-    def rows(self, u, t, count, size, step, span, control, tolerances, rows):
+    def rows(self, history, count, size, step, span, control, limits, rows):
         """Equal steps along the circle x = cos s, p = sin s, in the direction of the tangent."""
+        u, t = history
         made, angle = 0, np.arctan2(u[0, 1], u[0, 0])
         scale = np.array([max(size[0], abs(u[0, 0])), size[1]])
         way = np.sign(t[0] @ [-u[0, 1], u[0, 0]])

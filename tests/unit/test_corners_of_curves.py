@@ -6,7 +6,8 @@ from machines import single_mass
 
 import hbgear as hb
 from hbgear.continuation.problem.adapter import as_problem
-from hbgear.continuation.solvers.corner import step_over_corner
+from hbgear.continuation.problem.curve_equations import CurveEquations
+from hbgear.continuation.solvers.corner import Corner, step_over_corner
 from hbgear.continuation.solvers.newton import NewtonSettings
 from hbgear.mechanics import Periodic, Series
 from hbgear.mechanics.laws.mesh_contacts import MeshContacts, ToothContact
@@ -35,9 +36,9 @@ class Grazing:
         u, tangent = self.at(x)
         J = np.column_stack([self.evaluate(u[:2], u[2])[1], [-1.0, 0.0]])
         orientation = int(np.sign(np.linalg.det(np.vstack([J, sign * tangent]))))
-        point, length = step_over_corner(
-            as_problem(self), u, sign * tangent, orientation, np.ones(3), 1e-7, 20.0, "p", {}, NewtonSettings()
-        )
+        equations = CurveEquations(as_problem(self), "p", {})
+        corner = Corner(equations, NewtonSettings(), u, sign * tangent, orientation, np.ones(3))
+        point, length = step_over_corner(corner, 1e-7, 20.0)
         at = np.append(point.solution.X, point.solution.value)
         assert np.linalg.norm(at - u) == pytest.approx(length)
         return at, point.direction

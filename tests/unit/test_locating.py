@@ -36,6 +36,7 @@ from hbgear.continuation.events.fold import (
 )
 from hbgear.continuation.events.residual_form import in_residual_form
 from hbgear.continuation.problem.base import ContinuationProblem
+from hbgear.continuation.problem.curve_equations import CurveEquations
 from hbgear.continuation.results.point import SpecialPoint
 from hbgear.continuation.results.status import Status
 from hbgear.continuation.solvers.newton import NoConvergence, solution_at
@@ -140,7 +141,9 @@ def test_markers():
 def test_values_and_signs_at_points():
     points = [LINE.point(p) for p in (0.0, 0.25, 0.5, 1.0)]
     event = level("wall", lambda p: p - 0.25)
-    np.testing.assert_allclose(event.values(points, LINE, "p", {}), [[-0.25], [0.0], [0.25], [0.75]], atol=1e-15)
+    np.testing.assert_allclose(
+        event.values(points, CurveEquations(LINE, "p", {})), [[-0.25], [0.0], [0.25], [0.75]], atol=1e-15
+    )
     values = np.array([[1.0, 1.0], [1.0, -1.0], [2.0, -1.0], [0.0, -1.0], [-3.0, -2.0], [3.0, 2.0]])
     np.testing.assert_array_equal(event.sign_changes(points, values), [True, False, False, False, True])
 
@@ -303,7 +306,7 @@ def test_folds_are_changes_of_the_direction():
     points = [replace(LINE.point(0.0), parameter_direction=d) for d in (1, 1, -1, 0, -1, 1)]
     event = FoldEvent()
     np.testing.assert_array_equal(event.sign_changes(points, np.zeros((6, 0))), [False, True, False, False, True])
-    assert event.values(points, LINE, "p", {}).shape == (6, 0)
+    assert event.values(points, CurveEquations(LINE, "p", {})).shape == (6, 0)
     assert (event.kind, event.marker, event.terminal) == ("LP", "o", False)
 
 
@@ -499,7 +502,9 @@ def test_the_branch_point_of_two_lines(a):
     assert found.point.residual < 1e-12
     points = [segment.a, segment.a, segment.b, segment.b]
     np.testing.assert_array_equal(event.sign_changes(points, np.zeros((4, 0))), [False, True, False])
-    assert event.find(Crossing(a).segment(1.0, 1.5)) == [] and event.values([segment.a], None, "p", {}).shape == (1, 0)
+    assert event.find(Crossing(a).segment(1.0, 1.5)) == [] and event.values(
+        [segment.a], CurveEquations(None, "p", {})
+    ).shape == (1, 0)
     assert isinstance(event.equations(segment.problem, "p", None), BranchPointProblem)
     assert (event.kind, event.marker) == ("BP", "P")
 
@@ -629,7 +634,7 @@ def test_a_detector_of_levels():
     """Levels at 0.3 and 0.8, and terminal ones at 1.4 and 1.2, on the line from 0 to 2."""
     high, low = level("high", lambda p: p - 0.8), level("low", lambda p: p - 0.3)
     ends = [level("later", lambda p: p - 1.4, terminal=True), level("sooner", lambda p: p - 1.2, terminal=True)]
-    detector = EventDetector([high, ends[0], low, ends[1]], LINE, "p", {})
+    detector = EventDetector([high, ends[0], low, ends[1]], CurveEquations(LINE, "p", {}))
     assert detector.passing == (high, low) and detector.terminal == tuple(ends)
     points = [LINE.point(p) for p in (0.0, 0.5, 0.6, 1.0, 1.3, 2.0)]
     assert detector.sign_changes(points) == [0, 2]
@@ -640,7 +645,7 @@ def test_a_detector_of_levels():
     assert detector.ends(segment).event is ends[1] and detector.ends(segment).value == pytest.approx(1.2)
     assert detector.ends(LINE.segment(0.0, 1.0)) is None and detector.ahead(segment) is None
     with pytest.raises(ValueError, match="two events have the kind high, low; give each event another kind"):
-        EventDetector([high, low, low, high, ends[0]], LINE, "p", {})
+        EventDetector([high, low, low, high, ends[0]], CurveEquations(LINE, "p", {}))
 
 
 def test_events_ahead_of_a_segment():
@@ -652,14 +657,14 @@ def test_events_ahead_of_a_segment():
             return LocatedEvent(self, self.s, segment.b, True)
 
     events = [Ahead("c", 1.3), Ahead("a", 1.1, True), Ahead("b", 1.2)]
-    assert EventDetector(events, LINE, "p", {}).ahead(LINE.segment(0.0, 1.0)).s == 1.1
-    assert EventDetector([events[0], events[2]], LINE, "p", {}).ahead(LINE.segment(0.0, 1.0)).s == 1.2
+    assert EventDetector(events, CurveEquations(LINE, "p", {})).ahead(LINE.segment(0.0, 1.0)).s == 1.1
+    assert EventDetector([events[0], events[2]], CurveEquations(LINE, "p", {})).ahead(LINE.segment(0.0, 1.0)).s == 1.2
 
 
 def test_folds_with_corners_are_not_searched_between_points():
     wall, fold = level("wall", lambda p: (p - 1.05) ** 2 + 1e-4), FoldEvent()
     for smooth in (True, False):
-        detector = EventDetector([fold, wall], Graph(0.0, 1.0, smooth=smooth), "p", {})
+        detector = EventDetector([fold, wall], CurveEquations(Graph(0.0, 1.0, smooth=smooth), "p", {}))
         assert detector.searched == ((fold, wall) if smooth else (wall,))
     points = [LINE.point(p) for p in (0.0, 1.0, 2.0, 3.0)]
     ((i, ((event, s),)),) = detector.touching(points, scales()).items()

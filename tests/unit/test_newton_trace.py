@@ -26,6 +26,7 @@ from hbgear.continuation.curve.segment import CurvePoint, Segment
 from hbgear.continuation.events.fold import fold_on_segment
 from hbgear.continuation.problem.adapter import as_problem
 from hbgear.continuation.problem.base import ContinuationProblem
+from hbgear.continuation.problem.curve_equations import CurveEquations
 from hbgear.continuation.problem.evaluation import Evaluation
 from hbgear.continuation.solvers.corrector import correct
 from hbgear.continuation.solvers.newton import solve
@@ -270,7 +271,7 @@ def test_a_prediction_is_corrected_on_its_plane():
     sign of the determinant. A distant prediction raises NoConvergence."""
     for angle, length, normal in ((1.0, 1.0, (-0.8, 0.6)), (0.9, 2.0, (-0.8, 0.6)), (0.8, 1.0, (0.8, -0.6))):
         normal, u = np.array(normal) * length, 1.0001 * np.array([np.cos(angle), np.sin(angle)])
-        found = correct(CIRCLE, u, normal, "p", {}, NewtonSettings())
+        found = correct(CurveEquations(as_problem(CIRCLE), "p", {}), u, normal)
         x, p = found.solution.X[0], found.solution.value
         assert np.hypot(x, p) == pytest.approx(1.0, abs=1e-14)
         assert normal @ ([x, p] - u) == pytest.approx(0, abs=1e-14)
@@ -278,7 +279,7 @@ def test_a_prediction_is_corrected_on_its_plane():
         assert normal @ found.direction == pytest.approx(1.0, abs=1e-14)
         assert found.orientation == np.sign(x * normal[1] - p * normal[0])
     with pytest.raises(NoConvergence, match="the corrector stopped at a relative residual of"):
-        correct(CIRCLE, np.array([40.0, 3.0]), np.array([-0.8, 0.6]), "p", {}, NewtonSettings())
+        correct(CurveEquations(as_problem(CIRCLE), "p", {}), np.array([40.0, 3.0]), np.array([-0.8, 0.6]))
 
 
 def test_points_keep_no_matrices():

@@ -21,6 +21,7 @@ from hbgear import (
 )
 from hbgear.continuation import FoldProblem
 from hbgear.continuation.curve.segment import point_from_solution
+from hbgear.continuation.problem.curve_equations import CurveEquations
 from hbgear.continuation.problem.evaluation import HELD
 from hbgear.continuation.solvers.newton import solve
 from hbgear.continuation.tracing.stepper import Stepper
@@ -181,7 +182,7 @@ def stride_of(problem, steps, X, step, bounds):
     """Return a stride from a solution towards larger Omega, with unit scales."""
     scale, normal = np.ones(len(X) + 1), np.append(0 * X, 1.0)
     row = point_from_solution(solve(problem, X, {"Omega": 0.5}, "Omega", NewtonSettings()), normal, scale)
-    strider = Stepper(problem, "Omega", {}, bounds, steps, NewtonSettings())
+    strider = Stepper(CurveEquations(problem, "Omega", {}), bounds, steps, NewtonSettings())
     return strider.stride([row], scale, 1.0, step, 128)
 
 

@@ -12,6 +12,7 @@ from hbgear import Cubic, Element, HarmonicBalance, Load, Point, SpurPair, Statu
 from hbgear.continuation import FoldProblem
 from hbgear.continuation.problem.adapter import as_problem
 from hbgear.continuation.problem.base import ContinuationProblem
+from hbgear.continuation.problem.curve_equations import CurveEquations
 from hbgear.continuation.solvers.corrector import correct
 from hbgear.continuation.solvers.newton import NewtonSettings, solve
 from hbgear.continuation.tracing.jumps import find_jumps, nearest
@@ -104,7 +105,7 @@ def test_the_corrector_obeys_its_step_tolerance(tolerance):
             return np.array([(X[0] - 1) ** 3]), np.array([[3 * (X[0] - 1) ** 2]])
 
     settings = NewtonSettings(step_tolerance=tolerance, max_iterations=100)
-    found = correct(Flat(), np.array([1.2, 0.0]), np.array([0.0, 1.0]), "p", {}, settings)
+    found = correct(CurveEquations(as_problem(Flat()), "p", {}), np.array([1.2, 0.0]), np.array([0.0, 1.0]), settings)
     error = found.solution.X[0] - 1
     assert 1.33 * tolerance < error < 2.001 * tolerance
 

@@ -13,6 +13,7 @@ from hbgear.continuation.events.even_crossings import SampledCurve, drop_odd_cou
 from hbgear.continuation.events.event import Event, LocatedEvent
 from hbgear.continuation.events.near_tangency import near_zeros
 from hbgear.continuation.problem.adapter import as_problem
+from hbgear.continuation.problem.curve_equations import CurveEquations
 from hbgear.continuation.solvers.newton import solution_at
 from hbgear.harmonic.bifurcations.multiplier_events import MotionBranchPointEvent
 
@@ -124,7 +125,7 @@ def segment_between(a, b):
 
 
 def detector_of(*events):
-    return EventDetector(events, LINE, "p", {})
+    return EventDetector(events, CurveEquations(LINE, "p", {}))
 
 
 def level(f, kind="wall"):
@@ -138,7 +139,7 @@ class Given(Event):
         self.kind, self.needs_two_sides = kind, sides
         self.given, self.near = changes or {}, near or {}
 
-    def values(self, points, problem, name, fixed):
+    def values(self, points, equations):
         return np.zeros((len(points), 0))
 
     def sign_changes(self, points, values):

@@ -23,6 +23,7 @@ from hbgear.continuation.events.fold import TURNING_KINDS
 from hbgear.continuation.events.residual_form import in_residual_form
 from hbgear.continuation.problem.adapter import as_problem
 from hbgear.continuation.problem.base import ContinuationProblem
+from hbgear.continuation.problem.curve_equations import CurveEquations
 from hbgear.continuation.results.point import Point, SpecialPoint
 from hbgear.continuation.solvers.newton import NoConvergence, refine, solve
 from hbgear.harmonic.bifurcations.extremum import peak_of
@@ -154,7 +155,8 @@ class PointSensitivity:
         if not isinstance(self.point, SpecialPoint):
             return of_solution(self.problem, self.X, self.parameters, self.names)
         if self.point.kind == "BP":
-            return of_branch_point(self.problem, self.X, self.parameters, self.parameter, self.names)
+            equations = CurveEquations(self.problem, self.parameter, self.parameters)
+            return of_branch_point(equations, np.append(self.X, self.parameters[self.parameter]), self.names)
         return of_special(*self.refined, self.parameters, self.names)
 
     @cached_property

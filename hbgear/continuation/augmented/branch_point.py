@@ -127,16 +127,16 @@ class BranchPointProblem(MinimallyAugmentedProblem):
         def slopes_in(name: str) -> tuple[Array, Array]:
             """Return the derivatives of R and g in a parameter."""
             dR, dA = parameter_derivatives(self.problem, name, parameters, residual_and_matrix)
-            return dR, -k * (w @ dA @ V)
+            return dR, -(w @ dA @ V)
 
-        g, g_X, g_p = k * g, k * self._slopes(X, parameters, w, V), slopes_in(self.parameter)[1]
+        g_X, g_p = self._slopes(X, parameters, w, V), slopes_in(self.parameter)[1]
         first = Evaluation(
-            _with_component(b, evaluation.R, g[0]),
-            _with_component(b, as_dense(evaluation.dR_dX), g_X[0]),
-            _with_component(b, evaluation.dR_dp, g_p[0]),
+            _with_component(b, evaluation.R, k * g[0]),
+            _with_component(b, as_dense(evaluation.dR_dX), k * g_X[0]),
+            _with_component(b, evaluation.dR_dp, k * g_p[0]),
             evaluation.size,
         )
-        derivatives = tuple((_with_component(b, dR, dg[0]), float(dg[1])) for dR, dg in map(slopes_in, names))
+        derivatives = tuple((_with_component(b, dR, k * dg[0]), float(dg[1])) for dR, dg in map(slopes_in, names))
         return AugmentedResidual(first, float(g[1]), g_X[1], float(g_p[1]), derivatives)
 
     def _slopes(self, X: Array, parameters: dict[str, float], w: Array, V: Array) -> Array:

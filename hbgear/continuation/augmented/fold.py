@@ -76,11 +76,10 @@ class FoldProblem(MinimallyAugmentedProblem):
         assert base.b is not None and base.c is not None
         evaluation = self.problem.linearise(X, self.parameter, **parameters)
         v, w, g = null_vectors(evaluation.dR_dX, base.b, base.c)
-        k = base.weight
         along, dJ_dp = self.problem.curvature(X, v, self.parameter, **parameters)
         changes = (parameter_derivative_and_jacobian(self.problem, X, parameters, name) for name in names)
-        derivatives = tuple((dR, -k * float(w @ (dJ @ v))) for dR, dJ in changes)
-        return AugmentedResidual(evaluation, k * g, -k * (w @ along), -k * float(w @ (dJ_dp @ v)), derivatives)
+        derivatives = tuple((dR, -float(w @ (dJ @ v))) for dR, dJ in changes)
+        return AugmentedResidual(evaluation, g, -(w @ along), -float(w @ (dJ_dp @ v)), derivatives)
 
     def direction(self, U: Array, **parameters: float) -> int:
         """Return +1 if the solutions exist below the fold only, -1 if above: the direction of a sweep that reaches it.

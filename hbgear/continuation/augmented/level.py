@@ -68,17 +68,7 @@ class ScalarConditionProblem(MinimallyAugmentedProblem):
     def value(self, X: Array, parameters: dict[str, float]) -> float:
         """Return the value of the function at unknowns X and all parameters; ValueError if it is not finite."""
         motion, unknown = self.problem.split(X)
-        point = Point(
-            motion,
-            {**parameters, **unknown},
-            0.0,
-            0,
-            None,
-            np.zeros(0, dtype=np.int8),
-            float("nan"),
-            self.problem.layout,
-            problem=self.problem.original,
-        )
+        point = Point.without_data(motion, {**parameters, **unknown}, self.problem)
         value = float(self.test(point))
         if not math.isfinite(value):
             raise ValueError(f"the test function is {value} at {point}; it must be finite")
@@ -92,18 +82,12 @@ class ScalarConditionProblem(MinimallyAugmentedProblem):
             e = np.zeros(len(X))
             e[i] = h
             gradient[i] = (self.value(X + e, parameters) - self.value(X - e, parameters)) / (2 * h)
-        k = base.weight
         derivatives = tuple(
-            (self.problem.linearise(X, name, **parameters).dR_dp, k * self._parameter_derivative(X, parameters, name))
+            (self.problem.linearise(X, name, **parameters).dR_dp, self._parameter_derivative(X, parameters, name))
             for name in names
         )
-        return AugmentedResidual(
-            evaluation,
-            k * self.value(X, parameters),
-            k * gradient,
-            k * self._parameter_derivative(X, parameters, self.parameter),
-            derivatives,
-        )
+        g_p = self._parameter_derivative(X, parameters, self.parameter)
+        return AugmentedResidual(evaluation, self.value(X, parameters), gradient, g_p, derivatives)
 
     def _sizes(self, X: Array) -> Array:
         """Return the sizes of the unknowns: of the motion, and of each parameter, which has another unit."""

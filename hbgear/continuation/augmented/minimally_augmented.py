@@ -50,7 +50,8 @@ class AugmentedResidual(NamedTuple):
     """Values and derivatives of the augmented equations.
 
     ``evaluation`` holds R with its derivatives in X and p. g is the added equation, with gradient g_X (n,) in X and
-    derivative g_p. ``derivatives`` are those of R and g in each requested further parameter.
+    derivative g_p. ``derivatives`` are those of R and g in each requested further parameter. g and its derivatives
+    are multiplied by `Borders.weight` later.
     """
 
     evaluation: Evaluation
@@ -205,9 +206,9 @@ class MinimallyAugmentedProblem(SpecialPointProblem):
         """Return {R, g} with its Jacobian, and the derivatives (A, n + 1) of {R, g} in A further parameters."""
         X, unknown = self.solution_of(X)
         values = {**parameters, **unknown}
-        extra = self.extra(X, values, names, self.base or replace(self.base_at(X, values), weight=1.0))
-        J = bordered(extra.evaluation.dR_dX, extra.evaluation.dR_dp, extra.g_X, extra.g_p)
-        derivatives = np.array([np.append(dR, dg) for dR, dg in extra.derivatives]).reshape(len(names), len(X) + 1)
-        return Evaluation(
-            np.append(extra.evaluation.R, extra.g), J, np.zeros(len(X) + 1), extra.evaluation.size
-        ), derivatives
+        base = self.base or replace(self.base_at(X, values), weight=1.0)
+        extra, k = self.extra(X, values, names, base), base.weight
+        R, dR_dX, dR_dp, size = extra.evaluation
+        derivatives = np.array([np.append(dR, k * dg) for dR, dg in extra.derivatives]).reshape(len(names), len(X) + 1)
+        J = bordered(dR_dX, dR_dp, k * extra.g_X, k * extra.g_p)
+        return Evaluation(np.append(R, k * extra.g), J, np.zeros(len(X) + 1), size), derivatives

@@ -32,6 +32,7 @@ from hbgear.continuation.augmented.minimally_augmented import MinimallyAugmented
 from hbgear.continuation.augmented.null_vectors import borders_of, null_vectors
 from hbgear.continuation.numerics.linear import Factors, as_dense, bordered, norm
 from hbgear.continuation.problem.base import ContinuationProblem
+from hbgear.continuation.problem.curve_equations import CurveEquations
 from hbgear.continuation.problem.finite_differences import STEP, directional_step, parameter_derivatives
 
 Value = Callable[[Array, dict[str, float]], float]
@@ -59,24 +60,16 @@ def tangent(problem: ContinuationProblem, X: Array, parameters: Mapping[str, flo
     return -Factors(evaluation.dR_dX).solve(evaluation.dR_dp)
 
 
-def of_curve(
-    problem: ContinuationProblem,
-    U: Array,
-    parameters: Mapping[str, float],
-    parameter: str,
-    border: Array,
-    names: Sequence[str],
-) -> tuple[Array, Slopes]:
+def of_curve(equations: CurveEquations, U: Array, border: Array, names: Sequence[str]) -> tuple[Array, Slopes]:
     """Return the direction (n + 1,) of a curve at U = (X, p), and its displacement orthogonal to ``border``.
 
     The point may be a fold; LinAlgError is raised where two curves cross. A displacement along the curve does not
     change the curve, so that this component is arbitrary.
     """
-    X = U[:-1]
-    evaluation = problem.linearise(X, parameter, **parameters)
+    evaluation = equations.linearise(U)
     M = Factors(bordered(evaluation.dR_dX, evaluation.dR_dp, border))
-    direction = -_minus_solutions(M, np.append(np.zeros(len(X)), 1.0)[None])[0]
-    changes = _parameter_derivatives(problem, X, parameters, names)
+    direction = -_minus_solutions(M, np.append(np.zeros(len(U) - 1), 1.0)[None])[0]
+    changes = _parameter_derivatives(equations.problem, U[:-1], equations.parameters_at(float(U[-1])), names)
     slopes = _minus_solutions(M, np.column_stack([changes, np.zeros(len(names))]))
     return direction, Slopes(slopes[:, :-1], slopes[:, -1])
 
@@ -126,22 +119,18 @@ AGREEMENT = 1e-6
 """Relative difference of two derivatives with successive step sizes that agree."""
 
 
-def of_branch_point(
-    problem: ContinuationProblem, X: Array, parameters: Mapping[str, float], parameter: str, names: Sequence[str]
-) -> Slopes:
-    """Return the derivatives of a branch point; nan in parameters whose change separates the curves."""
-    evaluation = problem.linearise(X, parameter, **parameters)
-    J, n = as_dense(evaluation.dR_dX), len(X)
+def of_branch_point(equations: CurveEquations, U: Array, names: Sequence[str]) -> Slopes:
+    """Return the derivatives of a branch point U = (X, p); nan in parameters whose change separates the curves."""
+    evaluation = equations.linearise(U)
+    J, n = as_dense(evaluation.dR_dX), len(U) - 1
     b, c, _ = borders_of(J)
     v, w, _ = null_vectors(J, b, c)
     z = Factors(bordered(J, b, c)).solve(np.append(evaluation.dR_dp, 0.0))[:n]
     tangents = (np.append(v, 0.0), np.append(-z, 1.0))  # they span the null space of [dR/dX, dR/dp]
     M = np.zeros((n + 2, n + 2))
     M[:n, :n], M[:n, n], M[:n, n + 1] = J, evaluation.dR_dp, b
-    M[n:, : n + 1] = [_curvature_row(problem, X, parameters, parameter, w, t) for t in tangents]
-    rhs = np.array(
-        [_crossing_derivatives(problem, X, parameters, parameter, name, w, tangents) for name in names]
-    ).reshape(-1, n + 2)
+    M[n:, : n + 1] = [_curvature_row(equations, U, w, t) for t in tangents]
+    rhs = np.array([_crossing_derivatives(equations, U, name, w, tangents) for name in names]).reshape(-1, n + 2)
     slopes = _minus_solutions(Factors(M), rhs)
     valid = np.abs(slopes[:, -1]) <= IMPERFECTION_ROUNDING * np.array([norm(row[:n]) + 1e-300 for row in rhs]) / norm(b)
     slopes[~valid] = np.nan
@@ -152,35 +141,24 @@ IMPERFECTION_ROUNDING = 1e-6
 """Imperfection, relative to the derivative of the equations, below which it is rounding error."""
 
 
-def _curvature_row(
-    problem: ContinuationProblem, X: Array, parameters: Mapping[str, float], parameter: str, w: Array, t: Array
-) -> Array:
-    """Return the derivative (n + 1,) of w . [J R_p] t in (X, p), by differences of w . [J R_p] along t."""
-    h = directional_step(X, t, problem.difference_step(X, parameters))
-    plus, minus = (
-        problem.linearise(X + s * t[:-1], parameter, **{**parameters, parameter: parameters[parameter] + s * t[-1]})
-        for s in (h, -h)
-    )
+def _curvature_row(equations: CurveEquations, U: Array, w: Array, t: Array) -> Array:
+    """Return the derivative (n + 1,) of w . [J R_p] t in U = (X, p), by differences of w . [J R_p] along t."""
+    X, parameters = U[:-1], equations.parameters_at(float(U[-1]))
+    h = directional_step(X, t, equations.problem.difference_step(X, parameters))
+    plus, minus = (equations.linearise(U + s * t) for s in (h, -h))
     change = (as_dense(plus.dR_dX) - as_dense(minus.dR_dX), plus.dR_dp - minus.dR_dp)
     return np.append(w @ change[0], w @ change[1]) / (2 * h)
 
 
-def _crossing_derivatives(
-    problem: ContinuationProblem,
-    X: Array,
-    parameters: Mapping[str, float],
-    parameter: str,
-    name: str,
-    w: Array,
-    tangents: Sequence[Array],
-) -> Array:
+def _crossing_derivatives(equations: CurveEquations, U: Array, name: str, w: Array, tangents: Sequence[Array]) -> Array:
     """Return R_a and the derivatives of w . [J R_p] t in the parameter a for both tangents, (n + 2,)."""
+    problem, X, parameter = equations.problem, U[:-1], equations.name
 
-    def equations(values: dict[str, float]) -> tuple[Array, ...]:
+    def residuals(values: dict[str, float]) -> tuple[Array, ...]:
         evaluation = problem.linearise(X, parameter, **values)
         return evaluation.R, np.array([w @ (evaluation.dR_dX @ t[:-1] + evaluation.dR_dp * t[-1]) for t in tangents])
 
-    dR, dg = parameter_derivatives(problem, name, parameters, equations)
+    dR, dg = parameter_derivatives(problem, name, equations.parameters_at(float(U[-1])), residuals)
     return np.append(dR, dg)
 
 

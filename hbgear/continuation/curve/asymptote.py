@@ -18,7 +18,6 @@ any special point there would be a rounding error.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 
 import numpy as np
 
@@ -26,7 +25,7 @@ from hbgear.common.arrays import Array
 from hbgear.continuation.curve.segment import CurvePoint
 from hbgear.continuation.numerics.linear import norm
 from hbgear.continuation.problem.adapter import as_problem
-from hbgear.continuation.problem.base import ContinuationProblem
+from hbgear.continuation.problem.curve_equations import CurveEquations
 
 MAX_ASYMPTOTE_ITERATIONS = 12
 """Maximum number of Newton iterations on the limit equations."""
@@ -81,19 +80,15 @@ def unbounded_message(name: str, value: float) -> str:
     return f"the curve runs off to infinity towards {name} = {value:.6g}"
 
 
-def vertical_asymptote(
-    problem: ContinuationProblem, name: str, fixed: Mapping[str, float], point: CurvePoint
-) -> float | None:
+def vertical_asymptote(equations: CurveEquations, point: CurvePoint) -> float | None:
     """Return the parameter value at which a curve tends to infinity ahead of a point; None if it does not."""
     try:
-        return _asymptote_ahead(problem, name, fixed, point)
+        return _asymptote_ahead(equations, point)
     except (ValueError, np.linalg.LinAlgError):  # a model refuses the value, or numbers overflow
         return None
 
 
-def _asymptote_ahead(
-    problem: ContinuationProblem, name: str, fixed: Mapping[str, float], point: CurvePoint
-) -> float | None:
+def _asymptote_ahead(equations: CurveEquations, point: CurvePoint) -> float | None:
     """Return the asymptote as `vertical_asymptote` does; errors of the model are raised."""
     X, p, r = point.X, point.value, norm(point.X)
     outward = float(X @ point.tangent[:-1]) / r if r else 0.0
@@ -102,31 +97,31 @@ def _asymptote_ahead(
     # extrapolated to u = 0, the tangent of (y, p)(u) leads to y = dX/dr and p + r dp/dr
     size, y, value = abs(p) or 1.0, point.tangent[:-1] / outward, p + r * float(point.tangent[-1]) / outward
     distance = float(np.hypot(norm(y - X / r), (value - p) / size))
-    limit_equations = problem.recession(X, {**fixed, name: p}) if distance < MAX_ASYMPTOTE_DISTANCE else None
-    if limit_equations is None:
+    if not distance < MAX_ASYMPTOTE_DISTANCE:
         return None
-    limit_problem = as_problem(limit_equations)
-    evaluation = limit_problem.linearise(X, name, **{**fixed, name: p})
+    limit_problem = equations.problem.recession(X, equations.parameters_at(p))
+    if limit_problem is None:
+        return None
+    limit_equations = equations._replace(problem=as_problem(limit_problem))
+    evaluation = limit_equations.linearise(point.u)
     if not norm(evaluation.R) < MAX_LIMIT_RESIDUAL * size * norm(evaluation.dR_dp):
         return None
-    solution = _limit_solution(limit_problem, name, fixed, y, value)
+    solution = _limit_solution(limit_equations, y, value)
     if solution is None:
         return None
     miss = float(np.hypot(norm(solution[0] - y), (solution[1] - value) / size))
     return solution[1] if miss < MAX_TANGENT_MISS * distance else None
 
 
-def _limit_solution(
-    limit_problem: ContinuationProblem, name: str, fixed: Mapping[str, float], y: Array, p: float
-) -> tuple[Array, float] | None:
+def _limit_solution(equations: CurveEquations, y: Array, p: float) -> tuple[Array, float] | None:
     """Solve R_inf(y, p) = 0 by Newton's method orthogonal to y; return None if it fails.
 
     Steps are least-squares solutions, because the phase of undamped motions is arbitrary.
     """
-    allowed, size = limit_problem.range_of(name), abs(p) or 1.0
+    allowed, size = equations.problem.range_of(equations.name), abs(p) or 1.0
     normal = y = y / norm(y)
     for _ in range(MAX_ASYMPTOTE_ITERATIONS):
-        evaluation = limit_problem.linearise(y, name, **{**fixed, name: p})
+        evaluation = equations.linearise(np.append(y, p))
         if norm(evaluation.R) <= SOLUTION_RESIDUAL * size * norm(evaluation.dR_dp):
             return y, p
         A = np.block([[evaluation.dR_dX, evaluation.dR_dp[:, None]], [normal[None], np.zeros((1, 1))]])

@@ -12,7 +12,7 @@ import numpy as np
 from hbgear._version import __version__
 from hbgear.common.arrays import Array
 from hbgear.continuation.curve.segment import CurvePoint
-from hbgear.continuation.problem.base import ContinuationProblem
+from hbgear.continuation.problem.curve_equations import CurveEquations
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point, SpecialPoint
 from hbgear.continuation.results.status import Status
@@ -57,21 +57,20 @@ class SpecialPointMark:
 
 
 def build_branch(
-    problem: ContinuationProblem,
-    name: str,
-    fixed: dict[str, float],
+    equations: CurveEquations,
     points: list[CurvePoint],
     marks: list[SpecialPointMark],
-    status: Status,
-    message: str,
+    end: tuple[Status, str],
     settings: dict[str, Any],
 ) -> Branch:
     """Return the branch of the points of a trace, special points among them, without jumps.
 
-    ``problem`` has the largest number of unknowns; points with fewer are padded with zeros. Unknowns that are
-    parameters are stored in ``tracked``. Points that were not monitored have multipliers nan and unknown regimes.
-    ``settings`` are those of the trace for the header of a file.
+    The problem of the equations has the largest number of unknowns; points with fewer are padded with zeros. Unknowns
+    that are parameters are stored in ``tracked``. Points that were not monitored have multipliers nan and unknown
+    regimes.
+    ``end`` is the status and the message; ``settings`` are those of the trace for the header of a file.
     """
+    problem = equations.problem
     unknowns, tracked = zip(*(problem.split(point.X) for point in points), strict=True)
     mu = _column(points, "multipliers", math.nan + 0j)
     regime = _column(points, "regime", np.int8(-1))
@@ -82,19 +81,19 @@ def build_branch(
         event, kind = mark.special, mark.special.event.kind
         count[kind] = count.get(kind, 0) + 1
         if event.refined is not None:
-            fields = point_fields(event.refined.problem, name, fixed, event.refined.point)
+            fields = point_fields(equations._replace(problem=event.refined.problem), event.refined.point)
         else:
-            fields = point_fields(problem, name, fixed, points[mark.index]) | {
+            fields = point_fields(equations, points[mark.index]) | {
                 "multipliers": None if mu is None else mu[mark.index],
                 "regime": regime[mark.index],
             }
         fields["problem"] = None  # the branch sets it, at the resolution of the point
         special.append(build_special_point(event, fields, f"{kind}{count[kind]}", mark.index, mark.interval))
     return Branch(
-        parameter=name,
+        parameter=equations.name,
         values=np.array([point.value for point in points]),
         X=np.array(unknowns),
-        fixed=dict(fixed),
+        fixed=dict(equations.fixed),
         tracked={k: np.array([row[k] for row in tracked]) for k in problem.unknown_parameters},
         multipliers=mu,
         iterations=np.array([r.iterations for r in points]),
@@ -105,8 +104,8 @@ def build_branch(
         modulus_error=np.array([r.observed.get("modulus_error", math.nan) for r in points]),
         special=tuple(special),
         jump_records=(),
-        status=status,
-        message=message,
+        status=end[0],
+        message=end[1],
         layout=problem.layout,
         meta={
             "hbgear": __version__,
@@ -155,31 +154,27 @@ def _column(points: list[CurvePoint], name: str, missing: Any) -> Array | None:
     return np.array([x if x is not None and len(x) == len(blank) else blank for x in observed])
 
 
-def build_point(problem: ContinuationProblem, name: str, fixed: Mapping[str, float], point: CurvePoint) -> Point:
+def build_point(equations: CurveEquations, point: CurvePoint) -> Point:
     """Return a point of a trace as a `Point`."""
-    return Point(**point_fields(problem, name, fixed, point))
+    return Point(**point_fields(equations, point))
 
 
 def point_fields(
-    problem: ContinuationProblem,
-    name: str,
-    fixed: Mapping[str, float],
-    point: CurvePoint | Solution,
-    observed: Mapping[str, Any] | None = None,
+    equations: CurveEquations, point: CurvePoint | Solution, observed: Mapping[str, Any] | None = None
 ) -> dict[str, Any]:
     """Return the fields of the `Point` of a point of a trace, or of a solution with its monitored quantities."""
     if observed is None:
         observed = point.observed if isinstance(point, CurvePoint) else {}
-    X, tracked = problem.split(point.X)
+    X, parameters = equations.solution_at(np.append(point.X, point.value))
     mu, regime = observed.get("multipliers"), observed.get("regime", ())
     return {
         "X": X,
-        "parameters": {**fixed, **tracked, name: point.value},
+        "parameters": parameters,
         "residual": point.residual,
         "iterations": point.iterations,
         "multipliers": None if mu is None else np.asarray(mu, dtype=complex),
         "regime": np.asarray(regime, dtype=np.int8),
         "error": observed.get("error", math.nan),
-        "layout": problem.layout,
-        "problem": problem.original,
+        "layout": equations.problem.layout,
+        "problem": equations.problem.original,
     }

@@ -20,6 +20,7 @@ from hbgear.common.arrays import Array
 from hbgear.continuation.numerics.linear import norm, solve_linear
 from hbgear.continuation.problem.adapter import as_problem
 from hbgear.continuation.problem.base import ContinuationProblem, observe_all
+from hbgear.continuation.problem.curve_equations import CurveEquations
 from hbgear.continuation.problem.evaluation import Evaluation
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.solvers.newton import SEARCH_ERRORS, NoConvergence
@@ -88,7 +89,7 @@ def refine_branch(branch: Branch) -> Branch:
     X, values = np.array([X for X, _ in solutions]), np.array([value for _, value in solutions])
     solved, observed = np.isfinite(values), _blank(branch)
     u, stability = np.column_stack([X, values])[solved], branch.multipliers is not None
-    quantities_of = observe_all(finer, u, branch.parameter, dict(branch.fixed), stability)
+    quantities_of = observe_all(CurveEquations(finer, branch.parameter, branch.fixed), u, stability)
     for i, quantities in zip(np.flatnonzero(solved), quantities_of, strict=True):
         for name in observed.keys() & quantities.keys():
             observed[name][i] = quantities[name]

@@ -11,13 +11,14 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.continuation.numerics.linear import norm
 from hbgear.continuation.problem.base import ContinuationProblem
+from hbgear.continuation.problem.curve_equations import CurveEquations
 from hbgear.continuation.solvers.corrector import CorrectedPoint, correct, corrected
 from hbgear.continuation.solvers.newton import SOLVER_ERRORS, NewtonSettings, Solution, solve
 
@@ -105,6 +106,10 @@ class BranchStart:
     event: Any = None
 
 
+NewBranch: TypeAlias = tuple[ContinuationProblem, BranchStart]
+"""Problem of a branch that leaves a special point, and its start."""
+
+
 def normal_of(direction: Array, scale: Array) -> Array:
     """Return the normal (n + 1,) of the plane that is orthogonal to a direction in scaled unknowns."""
     return direction / scale**2
@@ -144,6 +149,11 @@ class Segment:
         a, b = (length / norm(end.tangent / self.scale) * end.tangent for end in (self.a, self.b))
         return a, b
 
+    @property
+    def equations(self) -> CurveEquations:
+        """Equations of the curve."""
+        return CurveEquations(self.problem, self.name, self.parameters)
+
     def parameters_at(self, value: float) -> dict[str, float]:
         """Return all parameters, with a value of the continuation parameter."""
         return {**self.parameters, self.name: value}
@@ -168,7 +178,7 @@ class Segment:
         chord = self.b.u - self.a.u
         u = u + chord * (normal @ (along - u)) / (normal @ chord)
         normal = normal / np.linalg.norm(normal)
-        return point_along(correct(self.problem, u, normal, self.name, self.parameters, self.settings), self.scale)
+        return point_along(correct(self.equations, u, normal, self.settings), self.scale)
 
     def part(self, a: CurvePoint, b: CurvePoint) -> Segment:
         """Return the segment between two other points a and b of the same curve."""
@@ -263,13 +273,7 @@ def point_along(point: CorrectedPoint, scale: Array, step: float = 0.0, last: Cu
 
 
 def resolve_at_resolution(
-    point: CurvePoint,
-    problem: ContinuationProblem,
-    name: str,
-    parameters: Mapping[str, float],
-    scale: Array,
-    settings: NewtonSettings,
-    fixed_value: bool = False,
+    point: CurvePoint, equations: CurveEquations, scale: Array, settings: NewtonSettings, fixed_value: bool = False
 ) -> CurvePoint:
     """Return a point solved at the resolution of another problem, with the scales (m + 1,) of its unknowns.
 
@@ -277,12 +281,13 @@ def resolve_at_resolution(
     are. By default the corrector moves in the plane orthogonal to the curve. NoConvergence or LinAlgError is raised if
     it fails.
     """
+    problem = equations.problem
     X, direction = problem.resized(point.X), np.append(problem.resized(point.tangent[:-1]), point.tangent[-1])
     if fixed_value:
-        solution = solve(problem, X, {**parameters, name: point.value}, name, settings)
+        solution = solve(problem, X, equations.parameters_at(point.value), equations.name, settings)
         return point_from_solution(solution, normal_of(direction, scale), scale, point.step, point)
     normal = unit_normal_of(direction, scale)
-    solved = correct(problem, np.append(X, point.value), normal, name, parameters, settings)
+    solved = correct(equations, np.append(X, point.value), normal, settings)
     return point_along(solved, scale, point.step, point)
 
 

@@ -150,9 +150,8 @@ def _deviation(segment: Segment, event: LocatedEvent) -> float:
         return 0.0
     location = event.refined or RefinedLocation(segment.problem, event.point)
     if not location.point.observed:
-        location.point.observed.update(
-            observe_all(location.problem, location.point.u[None], segment.name, segment.parameters, True)[0]
-        )
+        equations = segment.equations._replace(problem=location.problem)
+        location.point.observed.update(observe_all(equations, location.point.u[None], True)[0])
     multipliers = location.point.observed.get("multipliers", np.full(1, math.nan))
     return 0.0 if np.isnan(multipliers).any() else event.event.deviation(multipliers)
 
@@ -233,9 +232,8 @@ def _by_equations(segment: Segment, event: LocatedEvent, problem: ContinuationPr
     located, parameters = location.point, segment.parameters_at(location.point.value)
     start = np.append(problem.resized(located.X), located.value)
     try:
-        point = SpecialPoint(
-            **point_fields(location.problem, segment.name, parameters, located), kind=event.event.kind, note=event.note
-        )
+        fields = point_fields(segment.equations._replace(problem=location.problem), located)
+        point = SpecialPoint(**fields, kind=event.event.kind, note=event.note)
         smooth = segment.problem.smooth
         extended = event.event.equations(problem if smooth else location.problem, segment.name, point)
         if extended is None or (not smooth and isinstance(extended, FoldProblem)):
@@ -321,7 +319,7 @@ def _fold_shift(segment: Segment, point: CurvePoint, finer: ContinuationProblem)
     """
     finer = finer.with_borders_at(finer.resized(point.X), segment.parameters_at(point.value))
     scale = rescaled(segment.scale, finer, len(finer.resized(point.X)))
-    near_fold = resolve_at_resolution(point, finer, segment.name, segment.parameters, scale, segment.settings)
+    near_fold = resolve_at_resolution(point, segment.equations._replace(problem=finer), scale, segment.settings)
     begin, end = segment.slopes
     curvature = (end[-1] - begin[-1]) / segment.length**2
     return float(abs(near_fold.value - point.value) + near_fold.tangent[-1] ** 2 / abs(2 * curvature))
@@ -331,10 +329,8 @@ def _segment_at_resolution(segment: Segment, finer: ContinuationProblem) -> Segm
     """Return the segment with its ends solved at a higher resolution, with their monitored quantities."""
     scale = rescaled(segment.scale, finer, len(finer.resized(segment.a.X)))
     finer = finer.with_borders_at(finer.resized(segment.a.X), segment.parameters_at(segment.a.value))
-    a, b = (
-        resolve_at_resolution(point, finer, segment.name, segment.parameters, scale, segment.settings)
-        for point in (segment.a, segment.b)
-    )
+    equations, settings = segment.equations._replace(problem=finer), segment.settings
+    a, b = (resolve_at_resolution(point, equations, scale, settings) for point in (segment.a, segment.b))
     return _segment_between(replace(segment, problem=finer, scale=scale), a, b)
 
 
@@ -354,14 +350,8 @@ def _on_extended_segment(segment: Segment, find: Callable[[Segment], list[Locate
 
 def _segment_between(segment: Segment, a: CurvePoint, b: CurvePoint) -> Segment:
     """Return the segment between two other points, with their monitored quantities."""
-    observed = observe_all(
-        segment.problem,
-        np.array([a.u, b.u]),
-        segment.name,
-        segment.parameters,
-        "multipliers" in segment.a.observed,
-        errors=False,
-    )
+    stability = "multipliers" in segment.a.observed
+    observed = observe_all(segment.equations, np.array([a.u, b.u]), stability, errors=False)
     for end, quantities in zip((a, b), observed, strict=True):
         end.observed.update(quantities)
     return segment.part(a, b)

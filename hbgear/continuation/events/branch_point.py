@@ -14,7 +14,7 @@ from hbgear.common.arrays import Array, ComplexArray
 from hbgear.continuation.augmented.branch_point import BranchPointProblem
 from hbgear.continuation.augmented.minimally_augmented import MinimallyAugmentedProblem
 from hbgear.continuation.augmented.special_point_problem import SpecialPointProblem
-from hbgear.continuation.curve.segment import BranchStart, CurvePoint, Segment, is_within_corner
+from hbgear.continuation.curve.segment import BranchStart, CurvePoint, NewBranch, Segment, is_within_corner
 from hbgear.continuation.events.event import BuiltInEvent, LocatedEvent, locate_root, singular
 from hbgear.continuation.numerics.linear import as_dense, bordered, slogdet
 from hbgear.continuation.problem.adapter import as_problem
@@ -45,9 +45,7 @@ class BranchPointEvent(BuiltInEvent):
     def equations(self, problem: Any, parameter: str, point: Any) -> MinimallyAugmentedProblem | None:
         return BranchPointProblem(problem, parameter)
 
-    def branch_direction(
-        self, branch: Branch, point: SpecialPoint, side: int
-    ) -> tuple[ContinuationProblem, BranchStart] | None:
+    def branch_direction(self, branch: Branch, point: SpecialPoint, side: int) -> NewBranch | None:
         """Return the start across the traced curve, within the null space of [dR/dX, dR/dp]."""
         traced, problem = as_traced(branch, point), as_problem(branch.problem)
         parameters = dict(traced.parameters)

@@ -13,6 +13,7 @@ from hbgear.continuation.events.event import Event, LocatedEvent
 from hbgear.continuation.events.fold import CuspEvent, FoldEvent
 from hbgear.continuation.problem.adapter import as_problem
 from hbgear.continuation.problem.base import ContinuationProblem
+from hbgear.continuation.problem.curve_equations import CurveEquations
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import SpecialPoint
 
@@ -47,18 +48,16 @@ def events_of(problem: ContinuationProblem, parameter: str) -> tuple[Event, ...]
 
 
 class EventDetector:
-    """Detector of events of different kinds along a curve in the parameter ``name``, the others fixed."""
+    """Detector of events of different kinds along a curve."""
 
-    def __init__(
-        self, events: Sequence[Event], problem: ContinuationProblem, name: str, fixed: dict[str, float]
-    ) -> None:
+    def __init__(self, events: Sequence[Event], equations: CurveEquations) -> None:
         kinds = [event.kind for event in events]
         twice = {kind for kind in kinds if kinds.count(kind) > 1}
         if twice:
             raise ValueError(f"two events have the kind {', '.join(sorted(twice))}; give each event another kind")
         self.terminal = tuple(event for event in events if event.terminal)
         self.passing = tuple(event for event in events if not event.terminal)
-        self.problem, self.name, self.fixed = problem, name, fixed
+        self.equations = equations
 
     @property
     def searched(self) -> tuple[Event, ...]:
@@ -67,7 +66,7 @@ class EventDetector:
         Folds of problems with a discontinuous dR/dX are not: the tangent jumps at breakpoints, so that any number of
         folds may lie next to each other.
         """
-        return tuple(e for e in self.passing if self.problem.smooth or not isinstance(e, FoldEvent))
+        return tuple(e for e in self.passing if self.equations.problem.smooth or not isinstance(e, FoldEvent))
 
     def sign_changes(self, points: Sequence[CurvePoint]) -> list[int]:
         """Return the numbers i of the segments from point i to i + 1 on which a test function changes sign."""
@@ -114,7 +113,7 @@ class EventDetector:
 
     def values(self, event: Event, points: Sequence[CurvePoint]) -> Array:
         """Return `Event.values` of points."""
-        return event.values(points, self.problem, self.name, self.fixed)
+        return event.values(points, self.equations)
 
 
 def _are_one(segment: Segment, fold: LocatedEvent, branch_point: LocatedEvent) -> bool:

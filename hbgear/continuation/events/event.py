@@ -37,11 +37,12 @@ from hbgear.common.arrays import Array, ComplexArray
 from hbgear.continuation.augmented.level import ScalarConditionProblem
 from hbgear.continuation.augmented.minimally_augmented import MinimallyAugmentedProblem
 from hbgear.continuation.curve.builder import build_point
-from hbgear.continuation.curve.segment import BranchStart, CurvePoint, Segment, point_from_solution
+from hbgear.continuation.curve.segment import CurvePoint, NewBranch, Segment, point_from_solution
 from hbgear.continuation.events.columns import lengths
 from hbgear.continuation.events.near_tangency import near_zeros
 from hbgear.continuation.numerics.bracketed_root import find_root_bracketed
 from hbgear.continuation.problem.base import ContinuationProblem
+from hbgear.continuation.problem.curve_equations import CurveEquations
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point, SpecialPoint
 from hbgear.continuation.results.status import Status
@@ -189,28 +190,22 @@ class Event:
             raise ValueError(f"the test of the event '{self.kind}' is {value} at {point}; it must be finite")
         return value
 
-    def values(
-        self, points: Sequence[CurvePoint], problem: ContinuationProblem, name: str, fixed: dict[str, float]
-    ) -> Array:
+    def values(self, points: Sequence[CurvePoint], equations: CurveEquations) -> Array:
         """Return the test functions at P points of a curve.
 
         Parameters
         ----------
         points : sequence of CurvePoint
             Points.
-        problem : ContinuationProblem
-            The problem.
-        name : str
-            Name of the continuation parameter.
-        fixed : dict of str to float
-            Values of the other parameters.
+        equations : CurveEquations
+            Equations of the curve.
 
         Returns
         -------
         ndarray, shape (P, T)
             Values of T functions that change sign at the event. T may be 0.
         """
-        return np.array([[self.test(build_point(problem, name, fixed, point))] for point in points])
+        return np.array([[self.test(build_point(equations, point))] for point in points])
 
     def sign_changes(self, points: Sequence[CurvePoint], values: Array) -> np.ndarray:
         """Return the smallest number of events on each segment between successive points.
@@ -263,7 +258,7 @@ class Event:
         """
 
         def test(point: CurvePoint) -> float:
-            return self.test(build_point(segment.problem, segment.name, dict(segment.parameters), point))
+            return self.test(build_point(segment.equations, point))
 
         return [locate_root(segment, self, test)] if test(segment.a) * test(segment.b) < 0 else []
 
@@ -357,9 +352,7 @@ class Event:
             ) from error
         return level
 
-    def branch_direction(
-        self, branch: Branch, point: SpecialPoint, side: int
-    ) -> tuple[ContinuationProblem, BranchStart] | None:
+    def branch_direction(self, branch: Branch, point: SpecialPoint, side: int) -> NewBranch | None:
         """Return the problem and the start of another branch that leaves at a special point.
 
         Parameters
@@ -405,9 +398,7 @@ class BuiltInEvent(Event):
     def __init__(self) -> None:
         """Keep the kind, the meaning and the marker of the class."""
 
-    def values(
-        self, points: Sequence[CurvePoint], problem: ContinuationProblem, name: str, fixed: dict[str, float]
-    ) -> Array:
+    def values(self, points: Sequence[CurvePoint], equations: CurveEquations) -> Array:
         return np.zeros((len(points), 0))
 
     def equations(self, problem: Any, parameter: str, point: Any) -> MinimallyAugmentedProblem | None:

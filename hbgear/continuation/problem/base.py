@@ -48,6 +48,7 @@ import numpy as np
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import ANY, Range
 from hbgear.continuation.numerics.linear import Matrix, norm
+from hbgear.continuation.problem.curve_equations import CurveEquations, CurveSolutions
 from hbgear.continuation.problem.evaluation import Evaluation, Locating, Pursuit
 from hbgear.continuation.problem.finite_differences import LEAST_SIZE, STEP, directional_step, parameter_derivatives
 from hbgear.continuation.problem.work import Work
@@ -237,18 +238,16 @@ class ContinuationProblem:
         sets = ({**parameters, name: value} for value in values.tolist())
         return [self.observe(x, stability, **p) for x, p in zip(X, sets, strict=True)]
 
-    def check_errors(self, X: Array, name: str, values: Array, observed: Observed, parameters: Parameters) -> None:
+    def check_errors(self, solutions: CurveSolutions, observed: Observed) -> None:
         """Replace ``"error"`` in the ``observed`` quantities by the larger result of a check; by default nothing."""
 
-    def verify_stability(
-        self, X: Array, name: str, values: Array, observed: Observed, parameters: Parameters, work: Work | None = None
-    ) -> None:
-        """Verify the stability of solutions X (k, n) at values (k,) of the parameter.
+    def verify_stability(self, solutions: CurveSolutions, observed: Observed, work: Work | None = None) -> None:
+        """Verify the stability of solutions.
 
         ``observed`` holds the results of `observe` with two more entries: ``"determinant"``, the sign of det(dR/dX), 0
         if it is unknown, and ``"contradicts"``, True if an adjacent special point contradicts the stability. More
         accurate ``"multipliers"`` replace uncertain ones, ``"modulus_error"`` is the error of the largest modulus.
-        Solutions that ``work`` leaves unrefined keep their error. By default multipliers stay as observed.
+        CurveSolutions that ``work`` leaves unrefined keep their error. By default multipliers stay as observed.
         """
 
     def events(self, parameter: str) -> tuple[Any, ...]:
@@ -359,20 +358,15 @@ class ContinuationProblem:
         return {}
 
 
-def observe_all(
-    problem: ContinuationProblem,
-    U: Array,
-    name: str,
-    parameters: Mapping[str, float],
-    stability: bool,
-    errors: bool = True,
-) -> list[dict[str, Any]]:
+def observe_all(equations: CurveEquations, U: Array, stability: bool, errors: bool = True) -> list[dict[str, Any]]:
     """Return the monitored quantities of solutions U (k, n + 1), with checked error estimates unless ``errors=False``.
 
     Searches, whose intermediate solutions are not stored, omit the check.
     """
+    problem, name, parameters = equations
     fixed = {key: value for key, value in parameters.items() if key != name}
-    observed = problem.observe_many(U[:, :-1], name, U[:, -1], stability, **fixed)
+    solutions = CurveSolutions(U[:, :-1], name, U[:, -1], fixed)
+    observed = problem.observe_many(solutions.X, name, solutions.values, stability, **fixed)
     if errors:
-        problem.check_errors(U[:, :-1], name, U[:, -1], observed, fixed)
+        problem.check_errors(solutions, observed)
     return observed

@@ -63,9 +63,7 @@ AnyProblem = Annotated[Any, Problem]
 """A `Problem`, whose ``evaluate`` may name its parameters."""
 
 
-Pursuit: TypeAlias = Callable[
-    [Array, Array, int, Array, float, Array, Array, Array, Array], tuple[int, float, int, float]
-]
+Pursuit: TypeAlias = Callable[[Array, int, Array, float, Array, Array, Array, Array], tuple[int, float, int, float]]
 """Compiled continuation loop that follows the rules of `hbgear.continuation.stepping.kernels`.
 
 The arguments are those of `hbgear.harmonic.equations.continuation_kernel.trace_compiled` without the first.

@@ -81,7 +81,7 @@ class BranchFacade:
         Returns
         -------
         tuple of Point
-            Solutions in the order of the curves, stable and unstable.
+            CurveSolutions in the order of the curves, stable and unstable.
 
         Raises
         ------

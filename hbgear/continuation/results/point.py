@@ -138,6 +138,12 @@ class Point:
     modulus_error: float = dataclasses.field(default=math.nan, kw_only=True)
     problem: Any = dataclasses.field(default=None, kw_only=True)
 
+    @staticmethod
+    def without_data(X: Array, parameters: dict[str, float], problem: Any) -> Point:
+        """Return a point of a problem without monitored quantities."""
+        regime = np.zeros(0, dtype=np.int8)
+        return Point(X, parameters, 0.0, 0, None, regime, math.nan, problem.layout, problem=problem.original)
+
     def __getstate__(self) -> dict[str, Any]:
         """Return the state without the problem, which is pickled once, with the branch."""
         return {**vars(self), "problem": None}
@@ -350,7 +356,7 @@ class Jump:
     direction : int
         +1 if the parameter increases, -1 if it decreases.
     before, after : Point
-        Solutions before and after the jump. `after` is None if no stable solution is known at `value`.
+        CurveSolutions before and after the jump. `after` is None if no stable solution is known at `value`.
     landing : {"nearest", "integrate", "bifurcating"}
         How `after` was chosen: the nearest stable solution; integration in time from `before`; or no jump, because the
         sweep continues on a stable branch that bifurcates at `before`, of which `after` is the first solution.

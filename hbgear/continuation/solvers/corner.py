@@ -22,15 +22,14 @@ piecewise smooth curves and their orientation.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from contextlib import suppress
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.continuation.numerics.linear import as_dense, bordered, norm, solve_signed
-from hbgear.continuation.problem.evaluation import Evaluation
+from hbgear.continuation.problem.curve_equations import CurveEquations
 from hbgear.continuation.solvers.corrector import CorrectedPoint, correct
 from hbgear.continuation.solvers.newton import SEARCH_ERRORS, SOLVER_ERRORS, NewtonSettings, NoConvergence, solve
 
@@ -50,30 +49,43 @@ MIN_CROSSING_SHARE = 1e-3
 """Smallest change of an equation along the curve at a crossing of the boundary, over the largest in any direction."""
 
 
-def step_over_corner(
-    problem: Any,
-    u: Array,
-    tangent: Array,
-    orientation: int,
-    scale: Array,
-    smallest: float,
-    turn: float,
-    name: str,
-    fixed: Mapping[str, float],
-    settings: NewtonSettings,
-) -> tuple[CorrectedPoint, float] | None:
+class Corner(NamedTuple):
+    """Equations of a curve, and its last point near a corner.
+
+    Attributes
+    ----------
+    equations : CurveEquations
+        The equations.
+    settings : NewtonSettings
+        Settings of the corrector.
+    u, tangent : ndarray, shape (n + 1,)
+        Unknowns and tangent of the point.
+    orientation : int
+        Orientation of the point, see `CurvePoint`.
+    scale : ndarray, shape (n + 1,)
+        Scales of the unknowns.
+    """
+
+    equations: CurveEquations
+    settings: NewtonSettings
+    u: Array
+    tangent: Array
+    orientation: int
+    scale: Array
+
+
+def step_over_corner(corner: Corner, smallest: float, turn: float) -> tuple[CorrectedPoint, float] | None:
     """Return a point beyond a corner near the last point u (n + 1,) of a curve, and the size of the step; None without.
 
     ``smallest`` is the smallest step size, at which the usual step failed, and ``turn`` the largest angle [deg] between
     the step to the new point and the direction of the curve there. The direction of the point is oriented along the
     curve.
     """
-    equations, direction = _Equations(problem, name, fixed, settings), tangent / norm(tangent / scale)
     for distance in PROBE_DISTANCES:
         delta = distance * smallest
         limits = (SHORTEST_STEP * smallest, LONGEST_STEP_OVER_ROOT * math.sqrt(delta), turn)
         try:
-            result = _point_beyond(equations, u, direction, orientation, scale, delta, limits)
+            result = _point_beyond(corner, delta, limits)
         except SEARCH_ERRORS:  # ValueError of a model
             continue
         if result is not None:
@@ -81,38 +93,19 @@ def step_over_corner(
     return None
 
 
-class _Equations(NamedTuple):
-    """Problem, continuation parameter, values of the other parameters, settings of the corrector."""
-
-    problem: Any
-    name: str
-    fixed: Mapping[str, float]
-    settings: NewtonSettings
-
-    def at(self, u: Array) -> Evaluation:
-        """Return the linearised equations at a point."""
-        return self.problem.linearise(u[:-1], self.name, **{**self.fixed, self.name: float(u[-1])})
-
-
 def _point_beyond(
-    equations: _Equations,
-    u: Array,
-    tangent: Array,
-    orientation: int,
-    scale: Array,
-    delta: float,
-    limits: tuple[float, float, float],
+    corner: Corner, delta: float, limits: tuple[float, float, float]
 ) -> tuple[CorrectedPoint, float] | None:
     """Return the point beyond the corner with one distance of the probes, and its distance; None without one.
 
     limits : shortest and longest step, and largest angle [deg] between the step and the direction of the curve.
     """
-    n = _largest_change(equations, u, u + delta * tangent, scale)
+    u, scale, orientation = corner.u, corner.scale, corner.orientation
+    tangent = corner.tangent / norm(corner.tangent / scale)
+    n = _largest_change(corner, u + delta * tangent)
     for direction in (tangent, n, -n):
         with suppress(*SOLVER_ERRORS):
-            candidate = _nearer(
-                equations, u, _from_probe(equations, u, u + delta * direction, n, scale), scale, limits[1]
-            )
+            candidate = _nearer(corner, _from_probe(corner, u + delta * direction, n), limits[1])
             oriented = candidate.direction * (candidate.orientation * orientation or 1)
             chord = candidate.u - u
             length, size = norm(chord / scale), norm(oriented / scale)
@@ -122,16 +115,16 @@ def _point_beyond(
     return None
 
 
-def _largest_change(equations: _Equations, u: Array, probe: Array, scale: Array) -> Array:
+def _largest_change(corner: Corner, probe: Array) -> Array:
     """Return the direction in which the derivatives change between two points, of unit length.
 
     It is that of the equation whose change is largest along the line through the points. If the line lies in the
     boundary, it is that of the largest change. Where many contacts begin at once, as all around a circular whirl, some
     equations change in directions across the curve only.
     """
-    before, beyond = (
-        np.column_stack([as_dense(e.dR_dX), e.dR_dp]) * scale for e in (equations.at(u), equations.at(probe))
-    )
+    u, scale = corner.u, corner.scale
+    evaluations = (corner.equations.linearise(point) for point in (u, probe))
+    before, beyond = (np.column_stack([as_dense(e.dR_dX), e.dR_dp]) * scale for e in evaluations)
     change, along = beyond - before, (probe - u) / scale
     sizes, changes = np.linalg.norm(change, axis=1), np.abs(change @ along) / np.linalg.norm(along)
     crosses = changes.max() > MIN_CROSSING_SHARE * sizes.max()
@@ -139,42 +132,44 @@ def _largest_change(equations: _Equations, u: Array, probe: Array, scale: Array)
     return change[i] * scale / (float(sizes[i]) or 1.0)
 
 
-def _from_probe(equations: _Equations, u: Array, probe: Array, n: Array, scale: Array) -> CorrectedPoint:
+def _from_probe(corner: Corner, probe: Array, n: Array) -> CorrectedPoint:
     """Return the point of the curve that one Newton step from the probe, in the plane across n, predicts."""
     from hbgear.continuation.stepping.kernels import arclength_normal
 
-    normal, probed = np.empty(len(u)), equations.at(probe)
-    arclength_normal(n, scale, normal)
+    normal, probed = np.empty(len(probe)), corner.equations.linearise(probe)
+    arclength_normal(n, corner.scale, normal)
     step = solve_signed(bordered(probed.dR_dX, probed.dR_dp, normal), np.append(probed.R, 0.0)[:, None])[0][:, 0]
-    arclength_normal(probe - step - u, scale, normal)
-    return _corrected(equations, probe - step, normal)
+    arclength_normal(probe - step - corner.u, corner.scale, normal)
+    return _corrected(corner, probe - step, normal)
 
 
-def _nearer(equations: _Equations, u: Array, point: CorrectedPoint, scale: Array, longest: float) -> CorrectedPoint:
+def _nearer(corner: Corner, point: CorrectedPoint, longest: float) -> CorrectedPoint:
     """Return the point of the curve at most the longest step away: half the way from the last point, repeatedly.
 
     Where the coefficient b of the root is small, one Newton step from a probe leads far along the curve.
     """
     from hbgear.continuation.stepping.kernels import arclength_normal
 
+    u, scale = corner.u, corner.scale
     normal, length = np.empty(len(u)), norm((point.u - u) / scale)
     for _ in range(math.ceil(math.log2(max(length / longest, 1.0)))):
         chord = point.u - u
         arclength_normal(chord, scale, normal)
-        point = _corrected(equations, u + 0.5 * chord, normal)
+        point = _corrected(corner, u + 0.5 * chord, normal)
     return point
 
 
-def _corrected(equations: _Equations, predicted: Array, normal: Array) -> CorrectedPoint:
+def _corrected(corner: Corner, predicted: Array, normal: Array) -> CorrectedPoint:
     """Return the solution near a predicted point, if necessary after Newton's method with step halving.
 
     The slope of a square root lets Newton's method oscillate between both sides of the corner.
     """
     from hbgear.continuation.stepping.kernels import POLISH_ABOVE
 
-    problem, name, fixed, settings = equations
+    equations, settings = corner.equations, corner.settings
     try:
-        return correct(problem, predicted, normal, name, fixed, settings, POLISH_ABOVE)
+        return correct(equations, predicted, normal, settings, POLISH_ABOVE)
     except NoConvergence:
-        nearby = solve(problem, predicted[:-1], {**fixed, name: float(predicted[-1])}, settings=settings)
-    return correct(problem, np.append(nearby.X, predicted[-1]), normal, name, fixed, settings, POLISH_ABOVE)
+        parameters = equations.parameters_at(float(predicted[-1]))
+        nearby = solve(equations.problem, predicted[:-1], parameters, settings=settings)
+    return correct(equations, np.append(nearby.X, predicted[-1]), normal, settings, POLISH_ABOVE)

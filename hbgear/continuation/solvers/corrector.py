@@ -11,14 +11,13 @@ Allgower & Georg, Introduction to Numerical Continuation Methods (2003), https:/
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.continuation.numerics.linear import bordered, norm, solve_signed
-from hbgear.continuation.problem.adapter import as_problem
+from hbgear.continuation.problem.curve_equations import CurveEquations
 from hbgear.continuation.solvers.newton import NewtonSettings, NoConvergence, Solution
 
 
@@ -40,11 +39,9 @@ class CorrectedPoint(NamedTuple):
 
 
 def correct(
-    problem: Any,
+    equations: CurveEquations,
     u: Array,
     normal: Array,
-    name: str,
-    parameters: Mapping[str, float],
     settings: NewtonSettings = NewtonSettings(),
     polish_above: float = 1.0,
 ) -> CorrectedPoint:
@@ -56,33 +53,24 @@ def correct(
     """
     from hbgear.continuation.stepping.kernels import CONVERGED, DIVERGED, newton_status
 
-    full_problem, predicted, residual = as_problem(problem), u, math.inf
+    predicted, residual = u, math.inf
     last = first = math.inf
     best: CorrectedPoint | None = None
+    limits = newton_limits(settings, polish_above)
     for iteration in range(settings.max_iterations + 2):
-        evaluation = full_problem.linearise(u[:-1], name, **{**parameters, name: float(u[-1])})
+        evaluation = equations.linearise(u)
         rhs = np.zeros((len(u), 2))
         rhs[:-1, 0], rhs[-1, 0], rhs[-1, 1] = evaluation.R, (u - predicted) @ normal, 1.0
         try:
             columns, sign = solve_signed(bordered(evaluation.dR_dX, evaluation.dR_dp, normal), rhs)
         except np.linalg.LinAlgError:
             raise NoConvergence(
-                "the matrix of the corrector is singular", u[:-1], {**parameters, name: float(u[-1])}, [residual]
+                "the matrix of the corrector is singular", u[:-1], equations.parameters_at(float(u[-1])), [residual]
             ) from None
         following, residual = u - columns[:, 0], norm(evaluation.R) / evaluation.size
         step = norm(columns[:, 0]) / max(norm(following), 1e-300)
-        is_best, status = newton_status(
-            residual,
-            step,
-            last,
-            first,
-            best.solution.residual if best else math.inf,
-            iteration,
-            settings.tolerance,
-            settings.step_tolerance,
-            settings.max_iterations,
-            polish_above,
-        )
+        best_residual = best.solution.residual if best else math.inf
+        is_best, status = newton_status(residual, step, last, first, best_residual, iteration, limits)
         if is_best:
             best = CorrectedPoint(Solution(u[:-1], float(u[-1]), evaluation, iteration, residual), columns[:, 1], sign)
         if status in (CONVERGED, DIVERGED):
@@ -90,8 +78,13 @@ def correct(
         u, first, last = following, min(first, residual), step
     if best is None:
         message = f"the corrector stopped at a relative residual of {residual:.2e} after {iteration} steps"
-        raise NoConvergence(message, u[:-1], {**parameters, name: float(u[-1])}, [residual])
+        raise NoConvergence(message, u[:-1], equations.parameters_at(float(u[-1])), [residual])
     return best
+
+
+def newton_limits(settings: NewtonSettings, polish_above: float) -> Array:
+    """Return the limits (4,) of `stepping.kernels.newton_status`."""
+    return np.array([settings.tolerance, settings.step_tolerance, settings.max_iterations, polish_above])
 
 
 def corrected(solution: Solution, normal: Array) -> CorrectedPoint:

@@ -15,6 +15,7 @@ import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.continuation.problem.base import ContinuationProblem
+from hbgear.continuation.problem.curve_equations import CurveEquations
 from hbgear.continuation.solvers.corrector import correct, corrected
 from hbgear.continuation.solvers.newton import (
     SOLVER_ERRORS,
@@ -35,7 +36,7 @@ def solve_along(
     ``path`` has the solution X at s = 0, and the solutions of the problem at s = 1. NoConvergence is raised if it does
     not reach s = 1 within a number of steps.
     """
-    size, h = float(np.linalg.norm(X)), 0.05
+    size, h, equations = float(np.linalg.norm(X)), 0.05, CurveEquations(path, "s", {})
     start = solution_at(path, np.append(X, 0.0), "s", {})
     try:
         current = corrected(start, np.append(np.zeros(len(X)), 1.0))
@@ -50,7 +51,7 @@ def solve_along(
         normal = t / scale**2 / np.linalg.norm(t / scale**2)
         try:
             # points of the path only lead to its end, so that a loose tolerance is enough
-            point = correct(path, u + h * t, normal, "s", {"s": 0.0}, NewtonSettings(1e-6, 1e-2, 6))
+            point = correct(equations, u + h * t, normal, NewtonSettings(1e-6, 1e-2, 6))
         except SOLVER_ERRORS:
             h *= 0.5
             if h < MIN_STEP:

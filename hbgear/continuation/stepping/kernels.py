@@ -112,16 +112,7 @@ def _hermite(x: Any, k: int, r: int, position: float) -> tuple[float, float]:
 
 @kernel
 def newton_status(
-    residual: float,
-    step: float,
-    last: float,
-    first: float,
-    best: float,
-    iteration: int,
-    tolerance: float,
-    step_tolerance: float,
-    max_iterations: int,
-    polish_above: float,
+    residual: float, step: float, last: float, first: float, best: float, iteration: int, limits: Any
 ) -> tuple[bool, int]:
     """Return whether an iterate is converged and the best so far, and `CONTINUE`, `CONVERGED` or `DIVERGED`.
 
@@ -139,20 +130,16 @@ def newton_status(
         Residual of a converged iterate, inf if there is not any.
     iteration : int
         Number of the iteration.
-    tolerance : float
-        Largest residual of a converged iterate.
-    step_tolerance : float
-        Largest last Newton step of a converged iterate.
-    max_iterations : int
-        Maximum number of iterations.
-    polish_above : float
-        Residual of a converged iterate, relative to the tolerance, above which one more iteration is applied.
+    limits : ndarray, shape (4,)
+        Largest residual and largest last Newton step of a converged iterate; maximum number of iterations; residual of
+        a converged iterate, relative to the tolerance, above which one more iteration is applied.
 
     Returns
     -------
     (bool, int)
         Whether the iterate is the best converged one, and the status.
     """
+    tolerance, step_tolerance, max_iterations, polish_above = limits[0], limits[1], limits[2], limits[3]
     if best < math.inf:
         return residual < best, CONVERGED
     if residual <= tolerance and (last <= step_tolerance or iteration == 0):

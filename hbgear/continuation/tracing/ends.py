@@ -153,10 +153,10 @@ class CurveEnds:
         size = state.problem.solution_norm
         if len(path) == 1 or float(size(last.X)) <= state.solution_scale or outside(last.value) is not None:
             return path, None
-        if vertical_asymptote(state.problem, setup.name, setup.fixed, last) is None:
+        if vertical_asymptote(state.equations, last) is None:
             return path, self._power_law_asymptote(path)
         for i, point in enumerate(path[1:], 1):
-            asymptote = vertical_asymptote(state.problem, setup.name, setup.fixed, point)
+            asymptote = vertical_asymptote(state.equations, point)
             if asymptote is not None and outside(asymptote) is None:
                 return path[: i + 1], asymptote
         return path, None

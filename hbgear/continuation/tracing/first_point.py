@@ -29,6 +29,7 @@ from hbgear.common.arrays import Array
 from hbgear.continuation.curve.segment import BranchStart, CurvePoint, point_along, point_from_solution, unit_normal_of
 from hbgear.continuation.numerics.linear import norm
 from hbgear.continuation.problem.base import ContinuationProblem
+from hbgear.continuation.problem.curve_equations import CurveEquations
 from hbgear.continuation.results.point import Point
 from hbgear.continuation.solvers.corrector import correct
 from hbgear.continuation.solvers.newton import (
@@ -221,25 +222,19 @@ def _begin_branch(setup: TraceSetup, start: BranchStart) -> tuple[TraceState, li
 def _point_along_branch(state: TraceState, start: BranchStart, step: float) -> CurvePoint:
     """Return `point_on_branch` of the problem of a trace."""
     setup = state.setup
-    return point_on_branch(state.problem, start, step, setup.name, setup.fixed, state.scale, setup.settings.newton)
+    return point_on_branch(state.equations, start, step, state.scale, setup.settings.newton)
 
 
 def point_on_branch(
-    problem: ContinuationProblem,
-    start: BranchStart,
-    step: float,
-    name: str,
-    parameters: Mapping[str, float],
-    scale: Array,
-    settings: NewtonSettings,
+    equations: CurveEquations, start: BranchStart, step: float, scale: Array, settings: NewtonSettings
 ) -> CurvePoint:
     """Return the point at a scaled distance ``step`` along the direction of a branch from its start.
 
     NoConvergence or LinAlgError is raised if the corrector fails.
     """
     direction = start.direction / np.linalg.norm(start.direction / scale)
-    u = np.append(start.X, start.parameters[name]) + step * direction
-    corrected = correct(problem, u, unit_normal_of(direction, scale), name, parameters, settings)
+    u = np.append(start.X, start.parameters[equations.name]) + step * direction
+    corrected = correct(equations, u, unit_normal_of(direction, scale), settings)
     return point_along(corrected, scale, step)
 
 

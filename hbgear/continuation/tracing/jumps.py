@@ -13,6 +13,7 @@ from hbgear.continuation.curve.segment import BranchStart
 from hbgear.continuation.events.detector import event_of
 from hbgear.continuation.problem.adapter import as_problem
 from hbgear.continuation.problem.base import ContinuationProblem, observe_all
+from hbgear.continuation.problem.curve_equations import CurveEquations
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.interpolation import crossings_at
 from hbgear.continuation.results.layout import HasDistance
@@ -182,11 +183,11 @@ def monitored_points(branch: Branch, groups: list[list[Solution]]) -> list[list[
     problem = as_problem(branch.problem)
     excluded = {branch.parameter, *problem.unknown_parameters}
     fixed = {k: v for k, v in branch.parameters_at(0).items() if k not in excluded}
+    equations = CurveEquations(problem, branch.parameter, fixed)
     u = np.array([np.append(solution.X, solution.value) for solution in solutions])
-    observed = observe_all(problem, u, branch.parameter, fixed, True)
+    observed = observe_all(equations, u, True)
     points = iter(
-        Point(**point_fields(problem, branch.parameter, fixed, solution, data))
-        for solution, data in zip(solutions, observed, strict=True)
+        Point(**point_fields(equations, solution, data)) for solution, data in zip(solutions, observed, strict=True)
     )
     return [[next(points) for _ in group] for group in groups]
 
@@ -244,12 +245,13 @@ def point_on_new_branch(
         return _first_point(problem, start, branch, offset, settings)
     scale = np.append(np.full(len(start.X), problem.solution_norm(start.X) or 1.0), np.ptp(branch.values) or 1.0)
     fixed = {name: value for name, value in start.parameters.items() if name != branch.parameter}
+    equations = CurveEquations(problem, branch.parameter, fixed)
     try:
-        new = point_on_branch(problem, start, offset, branch.parameter, fixed, scale, settings)
+        new = point_on_branch(equations, start, offset, scale, settings)
     except SEARCH_ERRORS:
         return None
-    new.observed = observe_all(problem, new.u[None], branch.parameter, fixed, True)[0]
-    return build_point(problem, branch.parameter, fixed, new)
+    new.observed = observe_all(equations, new.u[None], True)[0]
+    return build_point(equations, new)
 
 
 def _first_point(

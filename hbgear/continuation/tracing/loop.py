@@ -132,7 +132,7 @@ class ContinuationLoop:
         """Return the predictor and corrector of the present problem."""
         setup = self.state.setup
         steps, newton, single = setup.settings.steps, setup.settings.newton, setup.batch_size == 1
-        return Stepper(self.state.problem, setup.name, setup.fixed, setup.span.bounds, steps, newton, single)
+        return Stepper(self.state.equations, setup.span.bounds, steps, newton, single)
 
     def _step(self) -> tuple[list[CurvePoint], str]:
         """Return the last point with the next ones, or with none and the reason why the shortest step failed."""

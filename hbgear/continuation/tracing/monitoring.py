@@ -20,6 +20,7 @@ from hbgear.continuation.curve.segment import CurvePoint, Segment
 from hbgear.continuation.events.event import LocatedEvent
 from hbgear.continuation.events.fold import FoldEvent
 from hbgear.continuation.problem.base import ContinuationProblem, observe_all
+from hbgear.continuation.problem.curve_equations import CurveSolutions
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.branch_data import relative_errors
 from hbgear.continuation.results.stability import STABILITY_CHANGING_KINDS, STABLE, UNSTABLE, stability_codes
@@ -100,16 +101,16 @@ class Monitor:
 
     def _observe_together(self, fresh: Sequence[CurvePoint], problem: ContinuationProblem, errors: bool) -> None:
         """Store the monitored quantities with some points."""
-        setup = self.state.setup
+        equations, stability = self.state.equations._replace(problem=problem), self.state.setup.settings.stability
         results: Iterable[dict[str, Any]]
         u = np.array([point.u for point in fresh])
         try:
-            results = observe_all(problem, u, setup.name, setup.fixed, setup.settings.stability, errors)
+            results = observe_all(equations, u, stability, errors)
         except Exception:
             results = (self._observe_alone(point, problem) for point in fresh)
         for point, quantities in zip(fresh, results, strict=True):
             point.observed.update(quantities)
-        if setup.abort_if_under_resolved:
+        if self.state.setup.abort_if_under_resolved:
             self._check_resolution(u, np.array([point.observed.get("error", 0.0) for point in fresh]))
 
     def report_if_slow(self, activity: str) -> None:
@@ -144,14 +145,15 @@ class Monitor:
 
     def _observe_alone(self, point: CurvePoint, problem: ContinuationProblem) -> dict[str, Any]:
         """Return the monitored quantities of one point; none if an error is raised, which is recorded."""
-        state, setup = self.state, self.state.setup
+        state = self.state
         try:
-            return observe_all(problem, point.u[None], setup.name, setup.fixed, setup.settings.stability)[0]
+            equations, stability = state.equations._replace(problem=problem), state.setup.settings.stability
+            return observe_all(equations, point.u[None], stability)[0]
         except Exception as error:
             if point is state.first:
                 self.first_error = error
                 raise
-            state.termination.record_error(error, f"in observing the motion at {setup.name} = {point.value:.6g}")
+            state.termination.record_error(error, f"in observing the motion at {state.setup.name} = {point.value:.6g}")
             return {}
 
     def _check_resolution(self, u: Array, error: Array) -> None:
@@ -182,7 +184,8 @@ class Monitor:
             point.observed["determinant"] = point.determinant
         observed = [point.observed for point in fresh]
         try:
-            state.problem.verify_stability(u[:, :-1], setup.name, u[:, -1], observed, setup.fixed, setup.work)
+            solutions = CurveSolutions(u[:, :-1], setup.name, u[:, -1], setup.fixed)
+            state.problem.verify_stability(solutions, observed, setup.work)
         except Exception as error:
             location = f"near {setup.name} = {u[-1, -1]:.6g}"
             state.termination.record_error(error, f"in the verification of the stability {location}")

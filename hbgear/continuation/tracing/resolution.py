@@ -68,10 +68,10 @@ class ResolutionControl:
         It is solved at its value of the parameter if ``fixed_value``, as an end of the curve; else in the plane normal
         to the curve.
         """
-        state, setup = self.state, self.state.setup
-        scale, newton = state.scale_for(problem), setup.settings.newton
+        state = self.state
+        scale, newton = state.scale_for(problem), state.setup.settings.newton
         try:
-            solved = resolve_at_resolution(point, problem, setup.name, setup.fixed, scale, newton, fixed_value)
+            solved = resolve_at_resolution(point, state.equations._replace(problem=problem), scale, newton, fixed_value)
         except SOLVER_ERRORS:
             return None
         self.monitor.observe([solved], problem)

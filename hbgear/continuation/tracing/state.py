@@ -24,6 +24,7 @@ from hbgear.continuation.curve.segment import BranchStart, CurvePoint, Segment, 
 from hbgear.continuation.events.event import Event, LocatedEvent
 from hbgear.continuation.numerics.linear import norm
 from hbgear.continuation.problem.base import ContinuationProblem
+from hbgear.continuation.problem.curve_equations import CurveEquations
 from hbgear.continuation.problem.work import Work
 from hbgear.continuation.results.point import Point
 from hbgear.continuation.results.termination import Termination
@@ -320,6 +321,11 @@ class TraceState:
         return rescaled(self.scale, problem, number_of_unknowns(problem))
 
     # ---- geometry
+
+    @property
+    def equations(self) -> CurveEquations:
+        """Equations of the curve at the present resolution."""
+        return CurveEquations(self.problem, self.setup.name, self.setup.fixed)
 
     def segment(self, a: CurvePoint, b: CurvePoint) -> Segment:
         """Return the segment between two points, of the present problem."""

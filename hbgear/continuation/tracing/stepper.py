@@ -7,7 +7,7 @@ Other problems compute one point per call. Both use the rules of `stepping.kerne
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
@@ -19,9 +19,10 @@ from hbgear.continuation.augmented.special_point_problem import SpecialPointProb
 from hbgear.continuation.curve.segment import CurvePoint, parameter_direction
 from hbgear.continuation.numerics.linear import norm
 from hbgear.continuation.problem.base import ContinuationProblem
+from hbgear.continuation.problem.curve_equations import CurveEquations
 from hbgear.continuation.problem.evaluation import Pursuit
-from hbgear.continuation.solvers.corner import step_over_corner
-from hbgear.continuation.solvers.corrector import correct
+from hbgear.continuation.solvers.corner import Corner, step_over_corner
+from hbgear.continuation.solvers.corrector import correct, newton_limits
 from hbgear.continuation.solvers.newton import SEARCH_ERRORS, NewtonSettings
 from hbgear.continuation.stepping.control import StepControl
 from hbgear.continuation.stepping.status import ACCEPTED, NOT_CONVERGED, PREDICTION_ERROR, status_message
@@ -49,6 +50,14 @@ class _Attempt(NamedTuple):
     reason: str
 
 
+class _History(NamedTuple):
+    """Last points: u and tangent (2, history, n + 1), the newest first, their number, and the scales (n + 1,)."""
+
+    points: Array
+    number: int
+    scale: Array
+
+
 CORNER_TURN_RATIO = 0.9
 """Angle by which the tangent turns in half a step, over that in the whole step, from which there may be a corner."""
 
@@ -74,19 +83,22 @@ MAX_MULTIPLICATIONS_PER_CALL = 3e8
 
 @dataclass(frozen=True)
 class Stepper:
-    """Predictor and corrector of the curve of a problem in one parameter, the others fixed.
+    """Predictor and corrector of a curve.
 
     A compiled call ends with the first point outside ``bounds``, the ends of the span. With ``single`` each call
     computes one point only.
     """
 
-    problem: ContinuationProblem
-    name: str
-    fixed: Mapping[str, float]
+    equations: CurveEquations
     bounds: tuple[float, float]
     steps: StepControl
     settings: NewtonSettings
     single: bool = False
+
+    @property
+    def problem(self) -> ContinuationProblem:
+        """The problem."""
+        return self.equations.problem
 
     def stride(
         self, recent: Sequence[CurvePoint], scale: Array, solution_scale: float, step: float, max_points: int
@@ -95,22 +107,21 @@ class Stepper:
 
         ``solution_scale`` is the largest solution norm so far.
         """
-        steps, history = self.steps, self.steps.predictor_points
-        count, width = min(len(recent), history), len(scale)
-        u, t = np.zeros((2, history, width))
-        for i, point in enumerate(recent[:count]):
-            u[i], t[i] = point.u, point.tangent
+        steps, width = self.steps, len(scale)
+        recent = recent[: steps.predictor_points]
+        history = _History(np.zeros((2, steps.predictor_points, width)), len(recent), scale)
+        for i, point in enumerate(recent):
+            history.points[0, i], history.points[1, i] = point.u, point.tangent
         limit = math.inf if self.problem.is_nonsmooth else steps.max_prediction_error
         control = np.array([steps.min_step, steps.max_step, steps.max_turn_deg, steps.target_newton_iterations, limit])
         table, reason = np.empty((0, 2 * width + 4)), ""
-        compiled_loop = self.problem.compiled_continuation(self.name, self.fixed)
+        compiled_loop = self.problem.compiled_continuation(self.equations.name, self.equations.fixed)
         if compiled_loop is not None:
             max_count = 1 if self.single else max(1, min(max_points, int(MAX_MULTIPLICATIONS_PER_CALL / width**3)))
-            table, step, reason = self._compiled_steps(
-                compiled_loop, u, t, count, scale, solution_scale, step, control, max_count
-            )
+            out, sizes = np.empty((max_count, 2 * width + 4)), np.array([solution_scale, scale[-1]])
+            table, step, reason = self._compiled_steps(compiled_loop, history, sizes, step, control, out)
         if compiled_loop is None or (self.problem.is_nonsmooth and not len(table)):
-            table, following, reason, is_at_corner = self._single_step(u, t, count, scale, step, control)
+            table, following, reason, is_at_corner = self._single_step(history, step, control)
             if is_at_corner:
                 result = self._past_corner(table, recent[0], scale, step)
                 if result.points:
@@ -122,25 +133,16 @@ class Stepper:
         return StepResult(self._points(table, recent[0], scale), step, reason)
 
     def _compiled_steps(
-        self,
-        loop: Pursuit,
-        u: Array,
-        t: Array,
-        count: int,
-        scale: Array,
-        solution_scale: float,
-        step: float,
-        control: Array,
-        max_count: int,
+        self, loop: Pursuit, history: _History, sizes: Array, step: float, control: Array, out: Array
     ) -> tuple[Array, float, str]:
         """Return the next points as a table, the next step size and the reason of a failure, from a compiled loop."""
-        settings, out = self.settings, np.empty((max_count, 2 * len(scale) + 4))
-        tolerances = np.array([settings.tolerance, settings.step_tolerance, settings.max_iterations])
-        limits = control.copy()
+        from hbgear.continuation.stepping.kernels import POLISH_ABOVE
+
+        bounds, control, limits = np.array(self.bounds), control.copy(), newton_limits(self.settings, POLISH_ABOVE)
         if self.problem.is_nonsmooth:  # single steps search corners
-            limits[0] = max(limits[0], SHORTEST_COMPILED_STEP * limits[1])
-        sizes, bounds = np.array([solution_scale, scale[-1]]), np.array(self.bounds)
-        accepted, step, status, detail = loop(u, t, count, sizes, step, bounds, limits, tolerances, out)
+            control[0] = max(control[0], SHORTEST_COMPILED_STEP * control[1])
+        points, count = history.points, history.number
+        accepted, step, status, detail = loop(points, count, sizes, step, bounds, control, limits, out)
         return out[:accepted], step, status_message(status, detail)
 
     def _past_corner(self, table: Array, last: CurvePoint, scale: Array, step: float) -> StepResult:
@@ -158,19 +160,8 @@ class Stepper:
         """
         if not (self.problem.is_nonsmooth or isinstance(self.problem, SpecialPointProblem)):
             return StepResult([], step, "")
-        smallest, turn = self.steps.min_step, self.steps.max_turn_deg
-        crossing = step_over_corner(
-            self.problem,
-            last.u,
-            last.tangent,
-            last.orientation,
-            scale,
-            smallest,
-            turn,
-            self.name,
-            self.fixed,
-            self.settings,
-        )
+        corner = Corner(self.equations, self.settings, last.u, last.tangent, last.orientation, scale)
+        crossing = step_over_corner(corner, self.steps.min_step, self.steps.max_turn_deg)
         if crossing is None:
             return StepResult([], step, "")
         (solution, direction, orientation), step = crossing
@@ -187,16 +178,14 @@ class Stepper:
             out.append(CurvePoint(row[:n], row[n : 2 * n], int(sign), residual, int(iterations), step, direction))
         return out
 
-    def _single_step(
-        self, u: Array, t: Array, count: int, scale: Array, step: float, control: Array
-    ) -> tuple[Array, float, str, bool]:
+    def _single_step(self, history: _History, step: float, control: Array) -> tuple[Array, float, str, bool]:
         """Return the next point as a table of one row, with step halving; an empty table if the smallest step fails.
 
         The last result is True if the curve has a corner there: the point is the last one before it, and the table is
         empty if that is the point from which the step begins.
         """
-        attempted = partial(self._attempt, u, t, count, scale, control, self._normal(t[0], scale))
-        no_point, last_turn, failures = np.empty((0, 2 * len(scale) + 4)), math.inf, 0
+        attempted = partial(self._attempt, history, control, self._normal(history.points[1, 0], history.scale))
+        no_point, last_turn, failures = np.empty((0, 2 * len(history.scale) + 4)), math.inf, 0
         while True:
             attempt = attempted(step)
             if attempt.status == ACCEPTED:
@@ -215,15 +204,12 @@ class Stepper:
 
         normal = np.empty(len(scale))
         arclength_normal(tangent, scale, normal)
-        if self.problem.is_expensive(self.name) and abs(tangent[-1] / scale[-1]) > MIN_PARAMETER_COMPONENT * norm(
-            tangent / scale
-        ):
+        component = abs(tangent[-1] / scale[-1]) / norm(tangent / scale)
+        if self.problem.is_expensive(self.equations.name) and component > MIN_PARAMETER_COMPONENT:
             normal[:-1], normal[-1] = 0.0, math.copysign(1.0, tangent[-1])  # the corrector keeps the parameter
         return normal
 
-    def _attempt(
-        self, u: Array, t: Array, count: int, scale: Array, control: Array, normal: Array, step: float
-    ) -> _Attempt:
+    def _attempt(self, history: _History, control: Array, normal: Array, step: float) -> _Attempt:
         """Return the result of one step of a given size."""
         from hbgear.continuation.stepping.kernels import (
             NO_ERROR_CONTROL_BELOW,
@@ -233,11 +219,12 @@ class Stepper:
             predict,
         )
 
+        (u, t), count, scale = history
         predicted, limits = np.empty(len(scale)), np.array([control[2], math.inf])
         predict(u, t, count, scale, step, predicted)
         limits[1] = control[4] if count > 1 and step > NO_ERROR_CONTROL_BELOW * control[0] else math.inf
         try:
-            point = correct(self.problem, predicted, normal, self.name, self.fixed, self.settings, POLISH_ABOVE)
+            point = correct(self.equations, predicted, normal, self.settings, POLISH_ABOVE)
             solution, direction = point.solution, np.array(point.direction)
             u_new = point.u
             status, turn, deviation = accept_step(u_new, direction, predicted, u[0], t[0], scale, step, limits)

@@ -38,6 +38,7 @@ from hbgear.continuation.events.event import Event
 from hbgear.continuation.events.registry import resolved_events
 from hbgear.continuation.problem.adapter import as_problem
 from hbgear.continuation.problem.base import ContinuationProblem
+from hbgear.continuation.problem.curve_equations import CurveEquations
 from hbgear.continuation.problem.evaluation import AnyProblem
 from hbgear.continuation.problem.work import DEFAULT_LIMIT, Work
 from hbgear.continuation.results.branch import Branch
@@ -316,7 +317,7 @@ class Tracer:
         selected = standard if settings.special else [event for event in standard if event.terminal]
         kinds = {type(event) for event in selected}  # a name may select an event that is located anyway
         additional = [event for event in settings.events if type(event) not in kinds]
-        detector = EventDetector([*selected, *additional], setup.problem, setup.name, setup.fixed)
+        detector = EventDetector([*selected, *additional], CurveEquations(setup.problem, setup.name, setup.fixed))
         self.monitor = Monitor(self.state)
         self.resolution = ResolutionControl(self.state, self.monitor)
         self.special_points = SpecialPoints(self.state, self.monitor, self.resolution, detector)
@@ -434,9 +435,8 @@ class Tracer:
         state, setup = self.state, self.setup
         header = setup.settings.header(setup.span.start, setup.span.end)
         header |= {"bifurcating": True} if setup.switched_from is not None else {}
-        status, message = state.termination.status, state.termination.message_with_advice
-        points, marks = points_and_marks(state)
-        branch = build_branch(state.largest, setup.name, setup.fixed, points, marks, status, message, header)
+        end = state.termination.status, state.termination.message_with_advice
+        branch = build_branch(state.equations._replace(problem=state.largest), *points_and_marks(state), end, header)
         if state.asymptote is None:
             return branch
         return replace(branch, meta=with_asymptotes(branch.meta, last=state.asymptote))

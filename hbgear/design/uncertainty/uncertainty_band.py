@@ -34,6 +34,7 @@ from hbgear.common.ranges import POSITIVE, checked
 from hbgear.common.text.messages import did_you_mean, quoted
 from hbgear.common.units import to_si
 from hbgear.continuation.augmented.sensitivity import of_curve
+from hbgear.continuation.problem.curve_equations import CurveEquations
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.solvers.newton import NoConvergence
 from hbgear.design.bounds import check_scatter
@@ -248,7 +249,7 @@ def _in_plane(
                 direction[i], slopes = slopes_of_curve(problem, branch[i], parameters, secant, names, families)
             else:
                 U = np.append(branch.X[i], branch.values[i])
-                direction[i], slopes = of_curve(fixed, U, parameters, branch.parameter, secant, names)
+                direction[i], slopes = of_curve(CurveEquations(fixed, branch.parameter, parameters), U, secant, names)
         except (np.linalg.LinAlgError, NoConvergence):
             continue  # intersection of two curves, or a motion that is not known exactly: nan
         shifts[i] = np.concatenate([slopes.X, slopes.p[:, None]], axis=1)

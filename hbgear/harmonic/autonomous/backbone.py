@@ -28,7 +28,8 @@ from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.ranges import POSITIVE, Range, checked, counted
 from hbgear.continuation.events.event import Event
 from hbgear.continuation.numerics.linear import norm
-from hbgear.continuation.problem.base import ContinuationProblem
+from hbgear.continuation.problem.base import ContinuationProblem, Observed
+from hbgear.continuation.problem.curve_equations import CurveSolutions
 from hbgear.continuation.problem.evaluation import Evaluation
 from hbgear.continuation.problem.finite_differences import parameter_derivatives
 from hbgear.continuation.results.point import Point
@@ -338,13 +339,11 @@ class BackboneProblem(ContinuationProblem):
         observed = self.balance.observe_many(d[None], "Omega", np.array([unknown["Omega"]]), False, **values)[0]
         return {name: observed[name] for name in ("regime", "error", "clearance", "edge", "slip") if name in observed}
 
-    def check_errors(
-        self, X: Array, name: str, values: Array, observed: Sequence[dict[str, Any]], parameters: Mapping[str, float]
-    ) -> None:
+    def check_errors(self, solutions: CurveSolutions, observed: Observed) -> None:
         """Check errors with twice the harmonics, also of Omega and D; see `hbgear.harmonic.balance.resolution`."""
-        balance = finer_balance(self.balance, model_parameters(parameters))
+        balance = finer_balance(self.balance, model_parameters(solutions.fixed))
         finer = None if balance is None else self._on(balance)
-        add_errors_of_free_motions(self, finer, balance, X, name, values, observed, parameters)
+        add_errors_of_free_motions(self, finer, balance, solutions, observed)
 
     def events(self, parameter: str) -> tuple[Event, ...]:
         """Return grazing contacts, and first slips of friction sliders."""

@@ -17,7 +17,7 @@ import numpy as np
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.continuation.curve.segment import CurvePoint, Segment
 from hbgear.continuation.events.event import BuiltInEvent, LocatedEvent, RefinedLocation, locate_root
-from hbgear.continuation.problem.base import ContinuationProblem
+from hbgear.continuation.problem.curve_equations import CurveEquations
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import SpecialPoint
 from hbgear.harmonic.bifurcations.multiplier_events import NeimarkSackerEvent, PeriodDoublingEvent
@@ -48,9 +48,7 @@ class _CycleEvent(BuiltInEvent):
         """Return whether a zero with these multipliers (r,) is a point of this kind."""
         return True
 
-    def values(
-        self, points: Sequence[CurvePoint], problem: ContinuationProblem, name: str, fixed: dict[str, float]
-    ) -> Array:
+    def values(self, points: Sequence[CurvePoint], equations: CurveEquations) -> Array:
         multipliers = [point.observed["multipliers"] for point in points if "multipliers" in point.observed]
         if len(multipliers) < len(points):
             return np.zeros((len(points), 0))

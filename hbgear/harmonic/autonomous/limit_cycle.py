@@ -13,8 +13,7 @@ Doedel, Keller and Kernevez (1991), Int. J. Bifurcation Chaos 1(4), https://doi.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -25,6 +24,8 @@ from hbgear.common.arrays import Array, ComplexArray
 from hbgear.continuation.augmented.minimally_augmented import AugmentedResidual, Borders, MinimallyAugmentedProblem
 from hbgear.continuation.follow import trace_to_both_ends
 from hbgear.continuation.numerics.linear import norm
+from hbgear.continuation.problem.base import Observed
+from hbgear.continuation.problem.curve_equations import CurveSolutions
 from hbgear.continuation.problem.evaluation import AnyProblem
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point
@@ -80,7 +81,7 @@ class LimitCycleProblem(MinimallyAugmentedProblem):
     def extra(self, X: Array, parameters: dict[str, float], names: Sequence[str], base: Borders) -> AugmentedResidual:
         """Return the phase condition with its derivatives; see `MinimallyAugmentedProblem.extra`."""
         evaluation = self.problem.linearise(X, self.parameter, **parameters)
-        b = base.weight * np.asarray(base.b)
+        b = np.asarray(base.b)
         derivatives = tuple((self.problem.parameter_derivative(X, name, parameters), 0.0) for name in names)
         return AugmentedResidual(evaluation, float(b @ X), b, 0.0, derivatives)
 
@@ -125,13 +126,11 @@ class LimitCycleProblem(MinimallyAugmentedProblem):
             out["multipliers"] = without_trivial(observed["multipliers"])
         return out
 
-    def check_errors(
-        self, X: Array, name: str, values: Array, observed: Sequence[dict[str, Any]], parameters: Mapping[str, float]
-    ) -> None:
+    def check_errors(self, solutions: CurveSolutions, observed: Observed) -> None:
         """Check errors with twice the harmonics, also that of Omega; see `hbgear.harmonic.balance.resolution`."""
-        balance = finer_balance(self.problem, {**parameters, name: float(values[0])})
+        balance = finer_balance(self.problem, solutions.parameters_at(0))
         finer = None if balance is None else self.for_problem(balance)
-        add_errors_of_free_motions(self, finer, balance, X, name, values, observed, parameters)
+        add_errors_of_free_motions(self, finer, balance, solutions, observed)
 
 
 _FIRST_AMPLITUDE = 5e-2
@@ -243,8 +242,7 @@ def _parameter_of(start: HopfPoint | SampledMotion, parameter: str, problem: Lim
 
 def _point(problem: LimitCycleProblem, U: Array, parameters: dict[str, float]) -> Point:
     """Return the limit cycle with the unknowns (X, Omega)."""
-    regime, values = np.zeros(0, dtype=np.int8), {**parameters, "Omega": float(U[-1])}
-    return Point(U[:-1], values, 0.0, 0, None, regime, math.nan, problem.layout, problem=problem)
+    return Point.without_data(U[:-1], {**parameters, "Omega": float(U[-1])}, problem)
 
 
 def _first_cycle(problem: LimitCycleProblem, hopf: HopfPoint, amplitude: float) -> tuple[Array, dict[str, float]]:

@@ -36,5 +36,5 @@ class PrescribedAmplitude(MinimallyAugmentedProblem):
 
     def extra(self, X: Array, parameters: dict[str, float], names: Sequence[str], base: Borders) -> AugmentedResidual:
         evaluation = self.problem.linearise(X, self.parameter, **parameters)
-        g = base.weight * (self.shape @ X[:-1] - self.amplitude)
-        return AugmentedResidual(evaluation, float(g), np.append(base.weight * self.shape, 0.0), 0.0, ())
+        g = float(self.shape @ X[:-1] - self.amplitude)
+        return AugmentedResidual(evaluation, g, np.append(self.shape, 0.0), 0.0, ())

@@ -220,19 +220,10 @@ def continue_from_nearby_frequency(problem: Any, parameters: dict[str, float]) -
             guesses = initial_guesses(problem.compiled(nearby), nearby_Omega)
             X = _solution_from_guesses(problem, nearby, guesses)
             with warnings.catch_warnings(action="ignore"):  # warnings about the auxiliary branch are of no use
-                curve = raise_if_interrupted(
-                    trace(
-                        problem,
-                        "Omega",
-                        (nearby_Omega, Omega),
-                        X,
-                        at=fixed,
-                        steps=StepControl(max_points=1000),
-                        stability=False,
-                        special=False,
-                        cover=False,
-                    )
-                )
+                steps, span = StepControl(max_points=1000), (nearby_Omega, Omega)
+                plain: dict[str, Any] = {"stability": False, "special": False, "cover": False}
+                curve = trace(problem, "Omega", span, X, at=fixed, steps=steps, **plain)
+                raise_if_interrupted(curve)
         except NoConvergence:  # also of a motion without contact, from which no curve begins: its mean is arbitrary
             continue
         if curve.values[-1] == Omega:

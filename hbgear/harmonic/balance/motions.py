@@ -1,4 +1,4 @@
-"""Solutions of the harmonic balance as periodic motions: layout, forces, contact, stability, monitored quantities.
+"""CurveSolutions of the harmonic balance as periodic motions: layout, forces, contact, stability, monitored quantities.
 
 The functions of `hbgear.harmonic.equations.motion` compute the quantities of one motion at one parameter set. The class
 calls them with the model at the given parameters, and adds Floquet multipliers and events, for `trace`.
@@ -15,7 +15,8 @@ from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.ranges import POSITIVE, checked, counted
 from hbgear.continuation.events.event import Event
-from hbgear.continuation.problem.base import observe_all
+from hbgear.continuation.problem.base import Observed, observe_all
+from hbgear.continuation.problem.curve_equations import CurveEquations, CurveSolutions
 from hbgear.continuation.problem.work import Work
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import Point
@@ -213,7 +214,8 @@ class PeriodicMotions(HarmonicEquations):
 
     def observe(self, X: Array, stability: bool = True, **parameters: float) -> dict[str, Any]:
         """Return the quantities stored with X: multipliers (if requested), regime, clearance, checked error."""
-        return observe_all(self, np.append(X, parameters["Omega"])[None], "Omega", parameters, stability)[0]
+        u = np.append(X, parameters["Omega"])
+        return observe_all(CurveEquations(self, "Omega", parameters), u[None], stability)[0]
 
     def observe_many(
         self, X: Array, name: str, values: Array, stability: bool = True, **parameters: float
@@ -233,14 +235,12 @@ class PeriodicMotions(HarmonicEquations):
                 quantities["multipliers"] = mu
         return observed
 
-    def check_errors(
-        self, X: Array, name: str, values: Array, seen: Sequence[dict[str, Any]], parameters: Mapping[str, float]
-    ) -> None:
+    def check_errors(self, solutions: CurveSolutions, observed: Observed) -> None:
         """Replace truncation errors by the errors of resolution where these are larger.
 
         The error of resolution is the Newton step with twice the harmonics; see `hbgear.harmonic.balance.resolution`.
         """
-        add_resolution_error(self, X, name, values, seen, parameters)
+        add_resolution_error(self, solutions, observed)
 
     @property
     def batch_size(self) -> int:  # type: ignore[override]
@@ -256,15 +256,7 @@ class PeriodicMotions(HarmonicEquations):
         """Return the events of codimension two along a curve of special points."""
         return events_of_codimension_two(curve)
 
-    def verify_stability(
-        self,
-        X: Array,
-        name: str,
-        values: Array,
-        seen: Sequence[dict[str, Any]],
-        parameters: Mapping[str, float],
-        work: Work | None = None,
-    ) -> None:
+    def verify_stability(self, solutions: CurveSolutions, observed: Observed, work: Work | None = None) -> None:
         """Verify the stability of motions; see `hbgear.harmonic.stability.verification`.
 
         The error of the complex multipliers is estimated from those of a corrected motion. Where it reaches the unit
@@ -273,7 +265,7 @@ class PeriodicMotions(HarmonicEquations):
         as far as ``work`` allows.
         """
         if not isinstance(self.compiled({}).structure, MeasuredStructure):
-            verify_multipliers(self, X, name, values, seen, parameters, work)
+            verify_multipliers(self, solutions, observed, work)
 
     def postprocess(self, branch: Branch, observed: Sequence[Mapping[str, Any]]) -> Branch:
         """Return the branch with the errors of reductions; see `hbgear.harmonic.balance.postprocess`."""

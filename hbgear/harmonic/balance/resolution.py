@@ -18,7 +18,7 @@ Cameron & Griffin (1989), J. Appl. Mech. 56(1), https://doi.org/10.1115/1.317603
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import suppress
 from typing import Any
 
@@ -26,6 +26,8 @@ import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.continuation.numerics.linear import Factors, norm, solve_linear
+from hbgear.continuation.problem.base import Observed
+from hbgear.continuation.problem.curve_equations import CurveSolutions
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.solvers.newton import SOLVER_ERRORS, NoConvergence, solve
 from hbgear.harmonic.equations.discretization import MAX_SAMPLES
@@ -95,25 +97,18 @@ def _newton_step(problem: Any, X: Array, parameters: Mapping[str, float]) -> Arr
         return np.full(len(X), np.nan)
 
 
-def add_resolution_error(
-    problem: Any,
-    X: Array,
-    name: str,
-    values: Array,
-    observed: Sequence[dict[str, Any]],
-    parameters: Mapping[str, float],
-) -> None:
-    """Replace ``"error"`` by the error of resolution where this is larger, for motions X (P, n) at values (P,).
+def add_resolution_error(problem: Any, solutions: CurveSolutions, observed: Observed) -> None:
+    """Replace ``"error"`` by the error of resolution where this is larger.
 
     Some of successive motions are checked. Between them, the error of laws evaluated by AFT, of damped contacts and of
     friction is interpolated. For stops, the ratio to the truncation error, which is zero without contact, is
     interpolated instead. With friction, this ratio has a minimum wherever a truncated harmonic is in resonance with the
     stuck slider.
     """
+    X, parameters_at = solutions.X, solutions.parameters_at
     if not len(X):
         return
-    parameter_sets = [{**parameters, name: value} for value in values.tolist()]
-    evaluator, truncation = problem.compiled(parameter_sets[0]), np.array([entry["error"] for entry in observed])
+    evaluator, truncation = problem.compiled(parameters_at(0)), np.array([entry["error"] for entry in observed])
     if not (evaluator.aft_laws or evaluator.damped or evaluator.sliders or len(evaluator.breakpoints)):
         return
     checked, interval, unit = np.arange(len(X)), CHECK_INTERVAL, np.ones(len(X))
@@ -122,7 +117,7 @@ def add_resolution_error(
         if not evaluator.sliders:
             interval, unit = PROJECTED_CHECK_INTERVAL, truncation
     subset = every(interval, checked)
-    ratios = [max(_resolution_error(problem, X[i], parameter_sets[i]), truncation[i]) / unit[i] for i in subset]
+    ratios = [max(_resolution_error(problem, X[i], parameters_at(i)), truncation[i]) / unit[i] for i in subset]
     for i in checked.tolist() if ratios else ():
         observed[i]["error"] = float(np.fmax(truncation[i], unit[i] * np.interp(i, subset, ratios)))
 
@@ -205,25 +200,19 @@ STEP_WITHOUT_FOLD = 0.2
 
 
 def add_errors_of_free_motions(
-    problem: Any,
-    finer: Any,
-    balance: Any,
-    X: Array,
-    name: str,
-    values: Array,
-    observed: Sequence[dict[str, Any]],
-    parameters: Mapping[str, float],
+    problem: Any, finer: Any, balance: Any, solutions: CurveSolutions, observed: Observed
 ) -> None:
     """Replace ``"error"`` by the Newton step of a finer problem, and add ``"unknown_errors"``.
 
     The truncation error is that of a motion with a given frequency, and is infinite where a truncated harmonic is in
     resonance.
 
-    Some of successive motions X (P, n) at values (P,) of a parameter are checked. Between them the error of the motion
+    Some of successive motions are checked. Between them the error of the motion
     is interpolated. ``balance`` is that of the finer problem. If it is None, the errors of the parameters are unknown.
     The frequency may be much less accurate than the motion: with 16 harmonics, that of a mode with a stiff friction
     slider is 6 % off, and the motion of given amplitude 0.6 %.
     """
+    X, name = solutions.X, solutions.name
     subset = every(CHECK_INTERVAL, np.arange(len(X)))
     if balance is None:
         for i in subset:
@@ -231,7 +220,7 @@ def add_errors_of_free_motions(
         return
     errors = []
     for i in subset:
-        start, at = finer.resized(X[i]), {**parameters, name: float(values[i])}
+        start, at = finer.resized(X[i]), solutions.parameters_at(i)
         weight = np.append(rms_weights(balance), np.zeros(len(problem.unknown_parameters)))
         bordered = finer.with_borders_at(start, at, renew=True)
         change = change_to_solution(bordered, start, weight, at, name, bool(balance.slider_names))

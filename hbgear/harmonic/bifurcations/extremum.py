@@ -106,13 +106,10 @@ class AmplitudeExtremum(MinimallyAugmentedProblem):
             self.problem.linearise(v[:-1], self.parameter, **{**parameters, self.parameter: float(v[-1])})
             for v in (u + h * t, u - h * t)
         )
-        weight = base.weight
-        g_X = weight * (curvature - z @ (plus.dR_dX - minus.dR_dX) / (2 * h))
-        g_p = -weight * float(z @ (plus.dR_dp - minus.dR_dp)) / (2 * h)
+        g_X = curvature - z @ (plus.dR_dX - minus.dR_dX) / (2 * h)
+        g_p = -float(z @ (plus.dR_dp - minus.dR_dp)) / (2 * h)
         changes = (self._parameter_derivatives(X, parameters, name, z, t) for name in names)
-        return AugmentedResidual(
-            evaluation, weight * g, g_X, g_p, tuple((dR, -weight * change) for dR, change in changes)
-        )
+        return AugmentedResidual(evaluation, g, g_X, g_p, tuple((dR, -change) for dR, change in changes))
 
     def slopes(self, X: Array, t: Array, parameters: dict[str, float]) -> tuple[Array, Array]:
         """Return the gradient (n,) of A^2 / 2, or of A itself, and its derivative along t (n,)."""

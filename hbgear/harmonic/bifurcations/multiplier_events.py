@@ -18,7 +18,7 @@ Friedmann, Hammond & Woo (1977), Int. J. Numer. Meth. Eng. 11, https://doi.org/1
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
@@ -29,13 +29,13 @@ import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.continuation.augmented.minimally_augmented import MinimallyAugmentedProblem
-from hbgear.continuation.curve.segment import BranchStart, CurvePoint, Segment, has_corner
+from hbgear.continuation.curve.segment import BranchStart, CurvePoint, NewBranch, Segment, has_corner
 from hbgear.continuation.events.branch_point import BranchPointEvent, as_traced
 from hbgear.continuation.events.columns import lengths, monitored_values
 from hbgear.continuation.events.event import BuiltInEvent, LocatedEvent, locate_by_newton, locate_root, singular
 from hbgear.continuation.events.near_tangency import near_zeros
 from hbgear.continuation.numerics.linear import norm, norms
-from hbgear.continuation.problem.base import ContinuationProblem
+from hbgear.continuation.problem.curve_equations import CurveEquations
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import SpecialPoint
 from hbgear.continuation.results.stability import STABILITY_TOLERANCE, scaled_determinant, sign_of_pairs
@@ -78,9 +78,7 @@ class PeriodDoublingEvent(BuiltInEvent):
 
     kind, meaning, marker = "PD", "period doubling", "D"
 
-    def values(
-        self, points: Sequence[CurvePoint], problem: ContinuationProblem, name: str, fixed: dict[str, float]
-    ) -> Array:
+    def values(self, points: Sequence[CurvePoint], equations: CurveEquations) -> Array:
         """Return det(Phi + 1) at points with known multipliers."""
         mu = multipliers_of(points)
         return np.zeros((len(points), 0)) if mu is None else scaled_determinant(mu, -1.0)[:, None]
@@ -123,9 +121,7 @@ class PeriodDoublingEvent(BuiltInEvent):
     def equations(self, problem: Any, parameter: str, point: Any) -> MinimallyAugmentedProblem | None:
         return PeriodDoublingProblem(problem, parameter)
 
-    def branch_direction(
-        self, branch: Branch, point: SpecialPoint, side: int
-    ) -> tuple[ContinuationProblem, BranchStart] | None:
+    def branch_direction(self, branch: Branch, point: SpecialPoint, side: int) -> NewBranch | None:
         """Return the start of the motion of twice the period, along the null vector of the half-integer block."""
         doubling, traced = PeriodDoublingProblem(branch.problem, branch.parameter), as_traced(branch, point)
         direction = np.append(side * doubling.null_vector(traced.X, **traced.parameters), 0.0)
@@ -191,9 +187,7 @@ class NeimarkSackerEvent(BuiltInEvent):
     def __init__(self, near: complex | None = None) -> None:
         self.near = near
 
-    def values(
-        self, points: Sequence[CurvePoint], problem: ContinuationProblem, name: str, fixed: dict[str, float]
-    ) -> Array:
+    def values(self, points: Sequence[CurvePoint], equations: CurveEquations) -> Array:
         """Return log |mu| of the complex pairs nearest to the unit circle, one inside and one outside; else nan."""
         mu = multipliers_of(points)
         if mu is None:
@@ -265,12 +259,7 @@ class NeimarkSackerEvent(BuiltInEvent):
         lower, upper = sorted(count_unstable(without_negative_real(ends)).tolist())
         if upper - lower < 2 or segment.a.parameter_direction * segment.b.parameter_direction < 0:
             return []
-        root = locate_root(
-            segment,
-            self,
-            lambda point: ranked_modulus(without_negative_real(multipliers_at(segment, point)), lower) - 1.0,
-            fine=PAIR_LOCATION_TOLERANCE,
-        )
+        root = self._pair_root(segment, lambda mu: ranked_modulus(without_negative_real(mu), lower) - 1.0)
         modulus = ranked_modulus(complex_multipliers(multipliers_at(segment, root.point)), lower)
         return [self._refine(segment, root)] if root.located and abs(modulus - 1.0) < DOUBLE_MULTIPLIER_DISTANCE else []
 
@@ -292,13 +281,7 @@ class NeimarkSackerEvent(BuiltInEvent):
         for low, (a, b), (first, second) in zip(fractions, pairwise(points), pairwise(values), strict=False):
             if first * second >= 0:
                 continue
-            subsegment = segment.part(a, b)
-            root = locate_root(
-                subsegment,
-                self,
-                lambda point: sign_of_pairs(multipliers_at(segment, point)),
-                fine=PAIR_LOCATION_TOLERANCE,
-            )
+            root = self._pair_root(segment.part(a, b), sign_of_pairs)
             pairs = np.abs(complex_multipliers(multipliers_at(segment, root.point)))
             if root.located and np.abs(pairs - 1).min(initial=math.inf) < DOUBLE_MULTIPLIER_DISTANCE:
                 located.append(self._refine(segment, replace(root, s=low + root.s / SUBSEGMENTS)))
@@ -306,11 +289,12 @@ class NeimarkSackerEvent(BuiltInEvent):
 
     def _locate_crossing(self, segment: Segment, rank: int) -> LocatedEvent:
         """Locate where the complex multiplier of this rank, from the largest, passes the unit circle."""
+        return self._pair_root(segment, lambda mu: ranked_modulus(complex_multipliers(mu), rank) - 1.0)
+
+    def _pair_root(self, segment: Segment, size: Callable[[ComplexArray], float]) -> LocatedEvent:
+        """Locate the zero of a function of the multipliers (r,) on a segment."""
         return locate_root(
-            segment,
-            self,
-            lambda point: ranked_modulus(complex_multipliers(multipliers_at(segment, point)), rank) - 1.0,
-            fine=PAIR_LOCATION_TOLERANCE,
+            segment, self, lambda point: size(multipliers_at(segment, point)), fine=PAIR_LOCATION_TOLERANCE
         )
 
     def _refine(self, segment: Segment, located: LocatedEvent) -> LocatedEvent:
@@ -345,12 +329,11 @@ class NeimarkSackerEvent(BuiltInEvent):
         rank = int(count_unstable(ends).min())
         sizes = sorted(ranked_modulus(mu, rank) for mu in ends)
         level = 1.0 if sizes[0] < 1.0 < sizes[1] else 1.0 + STABILITY_TOLERANCE
-        real = locate_root(
-            segment,
-            self,
-            lambda point: ranked_modulus(multipliers_at(segment, point), rank) - level,
-            "two multipliers at once",
-        )
+
+        def distance(point: CurvePoint) -> float:
+            return ranked_modulus(multipliers_at(segment, point), rank) - level
+
+        real = locate_root(segment, self, distance, "two multipliers at once")
         mu = multipliers_at(segment, real.point)
         first, second = mu[np.argsort(np.abs(np.abs(mu) - level))[:2]]
         if not real.located or (

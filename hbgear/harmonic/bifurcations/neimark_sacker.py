@@ -148,9 +148,8 @@ class NeimarkSackerProblem(_PairProblem):  # numpydoc ignore=PR02
         assert isinstance(base, PairBorders) and base.b is not None and base.c is not None
         pair = _exponent(hill, base.exponent, base.b, base.c, X, parameters)
         turns = 2 * pair.exponent.imag * self.problem.nu / parameters["Omega"]
-        if (
-            abs(turns - round(turns)) < REAL_MULTIPLIER_TOLERANCE
-        ):  # det D = 0 also at period doublings and branch points
+        # det D = 0 also at period doublings and branch points
+        if abs(turns - round(turns)) < REAL_MULTIPLIER_TOLERANCE:
             raise NoConvergence("the pair of multipliers became real", X, parameters, [])
         return pair
 
@@ -158,22 +157,12 @@ class NeimarkSackerProblem(_PairProblem):  # numpydoc ignore=PR02
         """Return the residual g and its derivatives; see `MinimallyAugmentedProblem.extra`."""
         evaluation = self.problem.linearise(X, self.parameter, **parameters)
         pair = self._pair(self._hill(X, parameters), base, X, parameters)
-        k = base.weight
-        g_X = k * self._slope(X, parameters, pair)
         derivatives = tuple(
-            (
-                self.problem.linearise(X, name, **parameters).dR_dp,
-                k * self._exponent_derivative(X, parameters, name, pair),
-            )
+            (self.problem.linearise(X, name, **parameters).dR_dp, self._derivative(X, parameters, name, pair))
             for name in names
         )
-        return AugmentedResidual(
-            evaluation,
-            k * pair.exponent.real,
-            g_X,
-            k * self._exponent_derivative(X, parameters, self.parameter, pair),
-            derivatives,
-        )
+        g_p = self._derivative(X, parameters, self.parameter, pair)
+        return AugmentedResidual(evaluation, pair.exponent.real, self._slope(X, parameters, pair), g_p, derivatives)
 
     def _slope(self, X: Array, parameters: dict[str, float], pair: _Pair) -> Array:
         """Return the gradient (n,) of Re s in X, on which the slopes K of the laws depend.
@@ -217,7 +206,7 @@ class NeimarkSackerProblem(_PairProblem):  # numpydoc ignore=PR02
         columns = np.concatenate([[0], *[(2 * n - 1, 2 * n) for n in self.problem.orders[1:]]]).astype(int)
         out[sampled.elements] += gradient[:, columns]
 
-    def _exponent_derivative(self, X: Array, parameters: dict[str, float], name: str, pair: _Pair) -> float:
+    def _derivative(self, X: Array, parameters: dict[str, float], name: str, pair: _Pair) -> float:
         """Return the derivative of Re s in a parameter."""
 
         def real_part_change(changed: dict[str, float]) -> tuple[float]:
@@ -298,7 +287,7 @@ class PairModulusProblem(_PairProblem):  # numpydoc ignore=PR02
         mu = self._pair(X, parameters, base)
         if abs(mu.sum().real) / 2 > MAX_MEAN_OF_PAIR:
             raise NoConvergence("the pair of multipliers became real", X, parameters, [])
-        evaluation, k, p = self.problem.linearise(X, self.parameter, **parameters), base.weight, self.parameter
+        evaluation, p = self.problem.linearise(X, self.parameter, **parameters), self.parameter
         scale = np.append(np.full(len(X), norm(X) or 1.0), self.problem.unit_of(p, parameters[p]))
         A = np.column_stack([as_dense(evaluation.dR_dX), evaluation.dR_dp]) * scale
         tangent = scipy.linalg.svd(A)[2][-1]  # of the motions, also at a fold
@@ -333,9 +322,8 @@ class PairModulusProblem(_PairProblem):  # numpydoc ignore=PR02
         for name in names:
             dR = self.problem.parameter_derivative(X, name, parameters)
             dU = -factors.solve(np.append(dR, 0.0)) * scale
-            derivatives.append((dR, k * (derivative(name, dU) - float(gradient @ dU))))
-        g_X, g_p = k * gradient[:-1], k * float(gradient[-1])
-        return AugmentedResidual(evaluation, k * _mean_growth(mu), g_X, g_p, tuple(derivatives))
+            derivatives.append((dR, derivative(name, dU) - float(gradient @ dU)))
+        return AugmentedResidual(evaluation, _mean_growth(mu), gradient[:-1], float(gradient[-1]), tuple(derivatives))
 
     def _pair(self, X: Array, parameters: dict[str, float], base: Borders) -> ComplexArray:
         """Return the multiplier nearest to that of the exponent of the borders, and the one nearest to its inverse."""

@@ -17,7 +17,7 @@ from hbgear.continuation.events.accuracy import estimate_error
 from hbgear.continuation.events.event import BuiltInEvent, LocatedEvent, locate_by_newton, locate_root
 from hbgear.continuation.numerics.linear import norm
 from hbgear.continuation.problem.adapter import as_problem
-from hbgear.continuation.problem.base import ContinuationProblem
+from hbgear.continuation.problem.curve_equations import CurveEquations
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import SpecialPoint
 from hbgear.continuation.solvers.newton import SOLVER_ERRORS, NewtonSettings, NoConvergence, Solution, on_curve, solve
@@ -99,10 +99,10 @@ def _point(branch: Branch, i: int, number: int, event: LocatedEvent) -> SpecialP
         (event.refined.problem, event.refined.point) if event.refined else (as_problem(branch.problem), event.point)
     )
     fixed = {k: v for k, v in branch.parameters_at(i).items() if k != branch.parameter}
-    point.observed.update(
-        problem.observe(point.X, stability=branch.multipliers is not None, **fixed, **{branch.parameter: point.value})
-    )
-    fields = point_fields(problem, branch.parameter, fixed, point)
+    equations = CurveEquations(problem, branch.parameter, fixed)
+    parameters = equations.parameters_at(point.value)
+    point.observed.update(problem.observe(point.X, stability=branch.multipliers is not None, **parameters))
+    fields = point_fields(equations, point)
     interval = (float(branch.values[i - 1]), float(branch.values[i + 1]))
     fields["problem"] = branch.problem
     return build_special_point(event, fields, f"PK{number}", i, interval)
@@ -220,11 +220,9 @@ class TracedPeakEvent(AmplitudePeakEvent):
     X^T S t = 0, from + to -,   t the tangent of the curve, S the weights of the alternating part
     """
 
-    def values(
-        self, points: Sequence[CurvePoint], problem: ContinuationProblem, name: str, fixed: dict[str, float]
-    ) -> Array:
+    def values(self, points: Sequence[CurvePoint], equations: CurveEquations) -> Array:
         """Return the derivative of half the squared amplitude along the curve at points, shape (points, 1)."""
-        return np.array([[self._slope(problem, point)] for point in points])
+        return np.array([[self._slope(equations.problem, point)] for point in points])
 
     def sign_changes(self, points: Sequence[CurvePoint], values: Array) -> np.ndarray:
         """Return where the amplitude has a maximum: the derivative changes from positive to negative."""

@@ -87,15 +87,10 @@ class PeriodDoublingProblem(FoldProblem):
         evaluation = self.problem.linearise(X, self.parameter, **parameters)
         embedded, direction = self.embed(X), np.zeros(self.doubled.size)
         v, w, g = null_vectors(self.matrix(X, parameters)[0], base.b, base.c)
-        k = base.weight
         direction[self.odd] = v
         odd, even = self.odd, self.even
         dJ_v, dJ_p = self.doubled.curvature(embedded, direction, self.parameter, **parameters)
         changes = (parameter_derivative_and_jacobian(self.doubled, embedded, parameters, name) for name in names)
-        return AugmentedResidual(
-            evaluation,
-            k * g,
-            -k * (w @ dJ_v[np.ix_(odd, even)]),
-            -k * float(w @ dJ_p[np.ix_(odd, odd)] @ v),
-            tuple((dR[even], -k * float(w @ dJ[np.ix_(odd, odd)] @ v)) for dR, dJ in changes),
-        )
+        derivatives = tuple((dR[even], -float(w @ dJ[np.ix_(odd, odd)] @ v)) for dR, dJ in changes)
+        g_p = -float(w @ dJ_p[np.ix_(odd, odd)] @ v)
+        return AugmentedResidual(evaluation, g, -(w @ dJ_v[np.ix_(odd, even)]), g_p, derivatives)

@@ -23,7 +23,7 @@ from hbgear.continuation.curve.segment import CurvePoint, Segment
 from hbgear.continuation.events.columns import monitored_values
 from hbgear.continuation.events.event import BuiltInEvent, LocatedEvent, locate_by_newton, locate_root
 from hbgear.continuation.numerics.linear import norm, solve_linear
-from hbgear.continuation.problem.base import ContinuationProblem
+from hbgear.continuation.problem.curve_equations import CurveEquations
 from hbgear.continuation.problem.evaluation import AnyProblem
 from hbgear.continuation.problem.finite_differences import parameter_derivatives
 from hbgear.continuation.solvers.newton import SOLVER_ERRORS
@@ -97,13 +97,12 @@ class ThresholdProblem(MinimallyAugmentedProblem):
 
     def extra(self, X: Array, parameters: dict[str, float], names: Sequence[str], base: Borders) -> AugmentedResidual:
         """Return the residual g and its derivatives; see `MinimallyAugmentedProblem.extra`."""
-        evaluation, k = self.problem.linearise(X, self.parameter, **parameters), base.weight
+        evaluation = self.problem.linearise(X, self.parameter, **parameters)
         g, rows = self.threshold(X, self.which, parameters)
-        changes = (self._parameter_derivatives(X, parameters, name, evaluation.dR_dX) for name in names)
-        derivatives = tuple((dR, k * dg) for dR, dg in changes)
+        derivatives = tuple(self._parameter_derivatives(X, parameters, name, evaluation.dR_dX) for name in names)
         slope = _padded(rows, len(X))
         derivative = self._threshold_derivative(X, parameters, self.parameter, self.which)
-        return AugmentedResidual(evaluation, k * g, k * slope, k * derivative, derivatives)
+        return AugmentedResidual(evaluation, g, slope, derivative, derivatives)
 
     def _parameter_derivatives(
         self, X: Array, parameters: dict[str, float], name: str, J: Array
@@ -178,9 +177,7 @@ class ThresholdEvent(BuiltInEvent):
     root_tolerance: ClassVar[float] = 1e-13
     """Tolerance of a bracketed root, as a fraction of the segment; see `locate_root`."""
 
-    def values(
-        self, points: Sequence[CurvePoint], problem: ContinuationProblem, name: str, fixed: dict[str, float]
-    ) -> Array:
+    def values(self, points: Sequence[CurvePoint], equations: CurveEquations) -> Array:
         """Return the distances from the thresholds at points, nan where they are unknown."""
         monitored = [monitored_values(points, kind.quantity) for kind in self.problems]
         distances = [values for values in monitored if values is not None]

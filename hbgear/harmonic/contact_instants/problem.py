@@ -25,6 +25,7 @@ from hbgear.continuation.curve.segment import BranchStart
 from hbgear.continuation.events.detector import events_of
 from hbgear.continuation.events.event import Event
 from hbgear.continuation.problem.base import ContinuationProblem
+from hbgear.continuation.problem.curve_equations import CurveEquations
 from hbgear.continuation.problem.evaluation import Evaluation
 from hbgear.continuation.problem.work import Work
 from hbgear.continuation.results.branch import Branch
@@ -327,21 +328,12 @@ class ContactInstants(HarmonicBalance):
         """Return one curve of exact motions, with its jumps; ``softer``: its first motion by softer contacts."""
         setup = set_up(self, settings, span, start, work=Work(math.inf))
         state, direction = self._first_state(setup, start, softer)
-        ends = setup.span.start, setup.span.end
         kinds = LOCATED_KINDS if settings.special else tuple(event.kind for event in settings.events)
-        follower = Follower(
-            self.family(setup.name, setup.fixed),
-            setup.name,
-            ends,
-            settings.steps.max_points,
-            bool(kinds),
-            reporter(settings.progress, setup.name, span),
-        )
-        curve = follower.run(state, direction)
+        family, report = self.family(setup.name, setup.fixed), reporter(settings.progress, setup.name, span)
+        curve = Follower(family, setup, bool(kinds), report).run(state, direction)
         events = {event.kind: event for event in events_of(self, setup.name)}
-        branch = build_exact_branch(
-            self, follower.family, setup.name, setup.fixed, curve, events, settings.header(*ends), settings.stability
-        )
+        equations = CurveEquations(self, setup.name, setup.fixed)
+        branch = build_exact_branch(equations, family, curve, events, setup)
         problem = copy.copy(self)
         states = [point.state for point in curve.points]
         contacts = {mark.index: mark.contacts for mark in curve.marks if mark.contacts}

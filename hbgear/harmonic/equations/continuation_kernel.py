@@ -17,7 +17,6 @@ from hbgear.continuation.stepping.kernels import (
     CONVERGED,
     DIVERGED,
     NO_ERROR_CONTROL_BELOW,
-    POLISH_ABOVE,
     accept_step,
     arclength_normal,
     newton_status,
@@ -30,16 +29,7 @@ from hbgear.harmonic.equations.assembly_kernels import residual_and_jacobian, wo
 
 @kernel
 def trace_compiled(
-    packed: Any,
-    u: Any,
-    t: Any,
-    count: int,
-    size: Any,
-    step: float,
-    span: Any,
-    control: Any,
-    tolerances: Any,
-    points: Any,
+    packed: Any, history: Any, count: int, size: Any, step: float, span: Any, control: Any, limits: Any, points: Any
 ) -> tuple[int, float, int, float]:
     """Compute points of a branch until ``points`` is full, the branch leaves the span, or the smallest step fails.
 
@@ -47,10 +37,10 @@ def trace_compiled(
     ----------
     packed : PackedModel
         Arrays of the model.
-    u, t : ndarray, shape (history, n + 1)
+    history : ndarray, shape (2, points, n + 1)
         The previous points (X, Omega) and their tangents, the newest first; overwritten.
     count : int
-        Number of previous points in ``u`` and ``t``.
+        Number of previous points in ``history``.
     size : ndarray, shape (2,)
         Norm of the largest motion so far, which is updated, and the scale of Omega.
     step : float
@@ -59,8 +49,8 @@ def trace_compiled(
         Interval of Omega; the first point outside is the last one.
     control : ndarray
         Step size control, see `hbgear.continuation.stepping.kernels.next_step`.
-    tolerances : ndarray, shape (3,)
-        Tolerance of the residual, tolerance of the last Newton step, maximum number of iterations.
+    limits : ndarray, shape (4,)
+        Limits of Newton's method, see `hbgear.continuation.stepping.kernels.newton_status`.
     points : ndarray, shape (max_points, 2 (n + 1) + 4)
         Array to be filled with u, tangent, step, orientation, iterations and residual of each new point.
 
@@ -75,27 +65,22 @@ def trace_compiled(
     value : float
         Value for the message of this status.
     """
-    n, m, workspace = u.shape[1] - 1, packed.laws.cubic.shape[0], workspace_for(packed)
-    R, dR, A, v = np.empty(n), np.empty(n), np.empty((n + 1, n + 3)), np.empty(n + 1)
-    scale, normal, predicted, point, direction = (
-        np.empty(n + 1),
-        np.empty(n + 1),
-        np.empty(n + 1),
-        np.empty(n + 1),
-        np.empty(n + 1),
-    )
-    statistics, limits = np.empty(3), np.empty(2)
-    limits[0] = control[2]
+    u, t, m = history[0], history[1], packed.laws.cubic.shape[0]
+    n, vectors = u.shape[1] - 1, np.empty((6, u.shape[1]))
+    equations = workspace_for(packed), np.empty(n), np.empty(n), np.empty((n + 1, n + 3)), vectors[0]
+    scale, normal, predicted, point, direction = vectors[1], vectors[2], vectors[3], vectors[4], vectors[5]
+    statistics, errors = np.empty(3), np.empty(2)
+    errors[0] = control[2]
     point_count, status, value = 0, ACCEPTED, 0.0
     while point_count < points.shape[0]:
         _rescale(u[0], size, m, scale)
         arclength_normal(t[0], scale, normal)
         predict(u, t, count, scale, step, predicted)
-        status = _corrected(packed, predicted, normal, tolerances, R, dR, A, v, workspace, point, direction, statistics)
+        status = _corrected(packed, predicted, normal, limits, equations, point, direction, statistics)
         value, prediction_error = statistics[2], 0.0
         if status == ACCEPTED:
-            limits[1] = control[4] if count > 1 and step > NO_ERROR_CONTROL_BELOW * control[0] else math.inf
-            status, angle, prediction_error = accept_step(point, direction, predicted, u[0], t[0], scale, step, limits)
+            errors[1] = control[4] if count > 1 and step > NO_ERROR_CONTROL_BELOW * control[0] else math.inf
+            status, angle, prediction_error = accept_step(point, direction, predicted, u[0], t[0], scale, step, errors)
             value = prediction_error if status == PREDICTION_ERROR else angle
         if status != ACCEPTED:
             if step <= control[0]:
@@ -152,29 +137,19 @@ def _store(point: Any, u: Any, t: Any, step: float, statistics: Any) -> None:
 
 @inlined
 def _corrected(
-    packed: Any,
-    predicted: Any,
-    normal: Any,
-    tolerances: Any,
-    R: Any,
-    dR: Any,
-    A: Any,
-    u: Any,
-    workspace: Any,
-    point: Any,
-    direction: Any,
-    statistics: Any,
+    packed: Any, predicted: Any, normal: Any, limits: Any, equations: Any, point: Any, direction: Any, statistics: Any
 ) -> int:
     """Solve by Newton's method in the plane through the prediction; return the status.
 
-    statistics (3,) receives the sign of the determinant, the number of iterations and the residual.
+    ``equations`` holds the workspace of the model and the arrays R, dR, A and u of the iteration. statistics (3,)
+    receives the sign of the determinant, the number of iterations and the residual.
     """
+    workspace, R, dR, A, u = equations
     n = R.shape[0]
     for i in range(n + 1):
         u[i] = predicted[i]
     previous = first = best = math.inf
-    max_iterations = int(tolerances[2])
-    for iteration in range(max_iterations + 2):
+    for iteration in range(int(limits[2]) + 2):
         if not u[n] > 0.0:
             return NOT_CONVERGED
         size = residual_and_jacobian(packed, u, R, A, dR, workspace)  # J in the upper left block of A
@@ -194,9 +169,7 @@ def _corrected(
             step_square += A[i, n + 1] ** 2
             point_square += (u[i] - A[i, n + 1]) ** 2
         step = math.sqrt(step_square / max(point_square, 1e-300))
-        acceptable, status = newton_status(
-            residual, step, previous, first, best, iteration, tolerances[0], tolerances[1], max_iterations, POLISH_ABOVE
-        )
+        acceptable, status = newton_status(residual, step, previous, first, best, iteration, limits)
         first, previous = min(first, residual), step
         if acceptable:
             best = residual

@@ -15,7 +15,7 @@ import numpy as np
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.lru_cache import LRUCache
 from hbgear.harmonic.forces.aft import SampledLaws, SampledVectorLaws
-from hbgear.harmonic.forces.breakpoints import gap, piecewise_excitation
+from hbgear.harmonic.forces.breakpoints import Resolution, gap, piecewise_excitation
 from hbgear.harmonic.forces.damped_contacts import DampedContacts
 from hbgear.harmonic.forces.packed_laws import pack_laws
 from hbgear.harmonic.forces.packed_model import PackedModel, sliders_of, user_laws_of
@@ -121,9 +121,9 @@ class Evaluator:
         coupled = [j for elements, _ in self.vectors for j in elements]
         self.aft_laws = tuple((int(j), self.laws[j]) for j in (*aft_elements, *user_laws.element, *coupled))
         linear = self.receptance.packed
-        self.piecewise = piecewise = piecewise_excitation(
-            system.elements, packing, H, nu, self.N if self.aft_laws else 0, linear.orders, linear.truncated_orders
-        )
+        known, truncated = (tuple(k.tolist()) for k in (linear.orders, linear.truncated_orders))
+        resolution = Resolution(H, nu, self.N if self.aft_laws else 0, known, truncated)
+        self.piecewise = piecewise = piecewise_excitation(system.elements, packing, resolution)
         self.sliders, self.user_laws = len(sliders.element), len(user_laws.element)
         is_plain = not (len(piecewise.phases) or packing.levels or self.sliders or self.user_laws)
         tables = (None, None, None) if is_plain else (piecewise, user_laws, sliders)
@@ -205,7 +205,7 @@ class Evaluator:
         assert modes is not None
         kinds = [(e.law, e.damping, f"{k:.9e}") for e, k in zip(self.system.elements, self.structure.kr, strict=True)]
         groups = [kinds.index(kind) for kind in kinds]  # slopes are relative to the springs, equal up to rounding
-        return modal_blocks(modes.poles, modes.output, modes.input, np.array(groups), reach, lumped)
+        return modal_blocks((modes.poles, modes.output, modes.input), np.array(groups), reach, lumped)
 
     def flexibility_above(self, frequencies: Array) -> Array:
         """Return the flexibility (P, m) of the elements from modes above frequencies (P,)."""

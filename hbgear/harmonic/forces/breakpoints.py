@@ -89,36 +89,28 @@ class PiecewiseExcitation(NamedTuple):
     grid: Array
 
 
-def piecewise_excitation(
-    elements: Sequence[Element],
-    packing: Packing,
-    H: int,
-    nu: int,
-    N: int,
-    orders: np.ndarray,
-    truncated_orders: np.ndarray,
-) -> PiecewiseExcitation:
-    """Return the piecewise polynomials of the elements of a model and of the springs of their laws.
+class Resolution(NamedTuple):
+    """Harmonics and samples of a balance.
 
-    N is the number of samples of `PiecewiseExcitation.grid`, 0 if no law is sampled; ``orders`` are the basis harmonics
-    up to H that are unknowns, ``truncated_orders`` the others up to 2H.
+    H, nu : harmonics and subharmonic order. samples : number N of samples of `PiecewiseExcitation.grid`, 0 if no law is
+    sampled. orders, truncated : basis harmonics up to H that are unknowns, and the others up to 2H.
     """
+
+    H: int
+    nu: int
+    samples: int
+    orders: tuple[int, ...]
+    truncated: tuple[int, ...]
+
+
+def piecewise_excitation(elements: Sequence[Element], packing: Packing, resolution: Resolution) -> PiecewiseExcitation:
+    """Return the piecewise polynomials of the elements of a model and of the springs of their laws."""
     phases = [x for element in elements for x in (*_phases(element.law), *element.displacement.corners)]
     if not phases and not packing.levels:
-        return _without_breakpoints(len(elements), len(packing.springs), H, len(truncated_orders))
-    displacements, cubic = [element.displacement for element in elements], packing.table.cubic.tolist()
-    return _with_breakpoints(
-        tuple(phases),
-        tuple(displacements),
-        tuple(packing.springs),
-        tuple(packing.levels),
-        tuple(map(tuple, cubic)),
-        H,
-        nu,
-        N,
-        tuple(orders.tolist()),
-        tuple(truncated_orders.tolist()),
-    )
+        return _without_breakpoints(len(elements), len(packing.springs), resolution.H, len(resolution.truncated))
+    displacements = tuple(element.displacement for element in elements)
+    laws = tuple(packing.springs), tuple(packing.levels), tuple(map(tuple, packing.table.cubic.tolist()))
+    return _with_breakpoints(tuple(phases), displacements, *laws, resolution)
 
 
 @lru_cache(maxsize=8)  # differences in a parameter such as the damping do not change the laws
@@ -128,18 +120,12 @@ def _with_breakpoints(
     springs: tuple[PackedSpring, ...],
     levels: tuple[MovingLevel, ...],
     cubic: tuple[tuple[float, ...], ...],
-    H: int,
-    nu: int,
-    N: int,
-    orders: tuple[int, ...],
-    truncated_orders: tuple[int, ...],
+    resolution: Resolution,
 ) -> PiecewiseExcitation:
     """Return `piecewise_excitation` of prescribed displacements, springs, levels and cubic coefficients (m, 2)."""
-    m = len(e)
+    m, (H, nu, N, *_) = len(e), resolution
     gaps = [_segments_of(function, nu).scaled(-1.0) if function.corners else None for function in e]
-    retained, truncated = _harmonics_with_breakpoints(
-        e, H, nu, np.array(orders, dtype=int), np.array(truncated_orders, dtype=int)
-    )
+    retained, truncated = _harmonics_with_breakpoints(e, resolution)
     highest = max([0, *(spring.law.stiffness.order for spring in springs)]) * nu
     spring_tables = _spring_tables(springs, levels, e, nu, 3 * H + highest + 1)  # force harmonics up to 3H
     tables = [table for table in spring_tables if table]
@@ -179,10 +165,10 @@ def _with_breakpoints(
     )
 
 
-def _harmonics_with_breakpoints(
-    e: Sequence[Phased], H: int, nu: int, orders: np.ndarray, truncated_orders: np.ndarray
-) -> tuple[ComplexArray, ComplexArray]:
+def _harmonics_with_breakpoints(e: Sequence[Phased], resolution: Resolution) -> tuple[ComplexArray, ComplexArray]:
     """Return `PiecewiseExcitation.retained` and `truncated` of the prescribed displacements."""
+    H, nu = resolution.H, resolution.nu
+    orders, truncated_orders = (np.array(k, dtype=int) for k in (resolution.orders, resolution.truncated))
     retained = np.zeros((H + 1, len(e)), dtype=complex)
     truncated = np.zeros((len(truncated_orders), len(e)), dtype=complex)
     for j in (j for j, function in enumerate(e) if function.corners):

@@ -24,6 +24,7 @@ from hbgear.common.arrays import Array
 from hbgear.continuation.curve.asymptote import unbounded_message
 from hbgear.continuation.results.status import Status
 from hbgear.continuation.solvers.newton import NoConvergence
+from hbgear.continuation.tracing.state import TraceSetup
 from hbgear.harmonic.instants.corrector import (
     PREDICTED_LOSS,
     CurveState,
@@ -139,21 +140,18 @@ class Follower:
     ----------
     family : callable
         Equations at a value of the parameter.
-    name : str
-        Name of the parameter, for messages.
-    span : (float, float)
-        Section of the parameter.
-    max_points : int
-        Largest number of points.
+    setup : TraceSetup
+        Name and span of the parameter, largest number of points.
+    special : bool
+        Whether special points are located.
     report : callable
         Called with value of the parameter, number of points and step after each point.
     """
 
-    def __init__(
-        self, family: Family, name: str, span: tuple[float, float], max_points: int, special: bool, report: Report
-    ) -> None:
-        self.family, self.name, self.span = family, name, span
-        self.width, self.max_points, self.special, self.report = abs(span[1] - span[0]), max_points, special, report
+    def __init__(self, family: Family, setup: TraceSetup, special: bool, report: Report) -> None:
+        self.family, self.name, self.span = family, setup.name, (setup.span.start, setup.span.end)
+        self.width, self.max_points = setup.span.width, setup.settings.steps.max_points
+        self.special, self.report = special, report
         self.curve, self.step, self.smallest = ExactCurve(), FIRST_STEP, math.inf  # size of the motions of the curve
         self.origin: CurveState | None = None
 

@@ -10,7 +10,9 @@ from hbgear.continuation.curve.builder import SpecialPointMark, build_branch
 from hbgear.continuation.curve.segment import CurvePoint
 from hbgear.continuation.events.accuracy import PARAMETER_ROUNDING
 from hbgear.continuation.events.event import Event, LocatedEvent
+from hbgear.continuation.problem.curve_equations import CurveEquations
 from hbgear.continuation.results.branch import Branch
+from hbgear.continuation.tracing.state import TraceSetup
 from hbgear.harmonic.instants.corrector import Family
 from hbgear.harmonic.instants.following import ExactCurve
 from hbgear.harmonic.instants.observables import observed_point
@@ -25,21 +27,15 @@ GRAZING_NOTE = {1: "highest", -1: "lowest"}
 
 
 def build_exact_branch(
-    problem: Any,
-    family: Family,
-    name: str,
-    fixed: dict[str, float],
-    curve: ExactCurve,
-    events: Mapping[str, Event],
-    settings: dict[str, Any],
-    stability: bool,
+    equations: CurveEquations, family: Family, curve: ExactCurve, events: Mapping[str, Event], setup: TraceSetup
 ) -> Branch:
     """Return the branch of a curve, without jumps; X are the exact Fourier coefficients of the elements up to H.
 
-    ``events`` has the event of each kind of special point, ``settings`` those of the trace for the header of a file.
+    ``events`` has the event of each kind of special point.
     """
+    settings, span = setup.settings, setup.span
     points = [
-        _curve_point(problem, family, point, step, stability)
+        _curve_point(equations.problem, family, point, step, settings.stability)
         for point, step in zip(curve.points, curve.steps, strict=True)
     ]
     for before, point in zip([points[0], *points], points, strict=False):
@@ -54,7 +50,7 @@ def build_exact_branch(
         error = EXACT_ERRORS.get(mark.kind, PARAMETER_ROUNDING) * abs(points[mark.index].value)
         event = LocatedEvent(events[mark.kind], 0.5, points[mark.index], True, note or "in contact instants", error)
         marks.append(SpecialPointMark(mark.index, event, (low.value, high.value)))
-    return build_branch(problem, name, fixed, points, marks, curve.status, curve.message, settings)
+    return build_branch(equations, points, marks, (curve.status, curve.message), settings.header(span.start, span.end))
 
 
 def _grazing_text(elements: Sequence[Any], switch: Any, point: ExactPoint) -> str:

@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hbgear.common.arrays import Array, ComplexArray
+from hbgear.continuation.problem.curve_equations import CurveSolutions
 from hbgear.continuation.results.stability import STABILITY_TOLERANCE
 from hbgear.harmonic.bifurcations.period_doubling import PeriodDoublingProblem
 from hbgear.harmonic.multipliers.multiplier_error import count_beyond
@@ -52,8 +53,9 @@ class Parity:
     constant: int
 
     @staticmethod
-    def of(problem: Any, name: str, values: Array, parameters: Mapping[str, float]) -> Parity:
-        """Return the checks of a `HarmonicBalance` at values of a parameter; both ends must have the same constant."""
+    def of(problem: Any, motions: CurveSolutions) -> Parity:
+        """Return the checks of motions of a `HarmonicBalance`; both ends of their parameter must have one constant."""
+        _, name, values, parameters = motions
         ends = {float(values.min()), float(values.max())} if name != "Omega" else {parameters.get(name, 1.0)}
         signs = {problem.compiled({**parameters, name: value}).reference_sign for value in ends}
         return Parity(signs.pop() if len(signs) == 1 else 0)

@@ -9,16 +9,18 @@ import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.continuation.curve.refinement import shortest_step
+from hbgear.continuation.problem.curve_equations import CurveSolutions
 from hbgear.harmonic.equations.motion import regimes, with_driven_harmonics, with_excited_harmonics
 from hbgear.harmonic.multipliers.floquet import floquet_multipliers
 
 
-def second_set(problem: Any, X: Array, name: str, values: Array, parameters: Mapping[str, float]) -> ComplexArray:
-    """Return a second set of multipliers (k, r) of motions X (k, n) at values (k,) of a parameter.
+def second_set(problem: Any, motions: CurveSolutions) -> ComplexArray:
+    """Return a second set of multipliers (k, r) of motions.
 
     They lack the driven harmonics above H, and their motions have one more Newton step, in which these harmonics act
     back on the others.
     """
+    X, name, values, parameters = motions
     if name == "Omega":
         return _multipliers(problem, X, values, parameters)
     cases = [{**parameters, name: value} for value in values.tolist()]

@@ -16,6 +16,7 @@ import numpy as np
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.continuation.curve.refinement import nearest_solution
 from hbgear.continuation.numerics.linear import norm, solve_linear
+from hbgear.continuation.problem.curve_equations import CurveSolutions
 from hbgear.continuation.problem.work import Work
 from hbgear.continuation.results.stability import STABILITY_TOLERANCE
 from hbgear.continuation.solvers.newton import SEARCH_ERRORS, SOLVER_ERRORS, NoConvergence, solve
@@ -225,9 +226,10 @@ class UndecidedPoint:
     def _at(self, problem: Any, X: Array, parameters: Mapping[str, float]) -> Stability:
         """Return the multipliers of one motion with their error, and whether both determinants agree with them."""
         mu, value = problem.multipliers(X, **parameters), np.array([parameters[self.name]])
-        less_accurate = second_set(problem, X[None], self.name, value, parameters)
+        motion = CurveSolutions(X[None], self.name, value, parameters)
+        less_accurate = second_set(problem, motion)
         error = float(estimate_multiplier_error(mu[None], difference_of(mu[None], less_accurate))[0])
-        parity = Parity.of(problem, self.name, value, parameters)
+        parity = Parity.of(problem, motion)
         return Stability(mu, error, parity.agrees(problem, X, parameters, mu, self.expected))
 
     def _at_fixed_parameter(self, problem: Any, X: Array, value: float) -> tuple[Array, float]:

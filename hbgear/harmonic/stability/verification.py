@@ -30,7 +30,7 @@ For every point of a curve:
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -39,6 +39,8 @@ from numpy.typing import NDArray
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.continuation.events.accuracy import is_under_resolved
 from hbgear.continuation.numerics.linear import norms
+from hbgear.continuation.problem.base import Observed
+from hbgear.continuation.problem.curve_equations import CurveSolutions
 from hbgear.continuation.problem.work import Work
 from hbgear.harmonic.equations.motion import shortest_intervals
 from hbgear.harmonic.multipliers.multiplier_error import (
@@ -77,15 +79,7 @@ UNRESOLVED_INTERVAL = 0.5
 """Contact or flight, in periods of the highest harmonic, up to which multipliers of the balance are not used."""
 
 
-def verify_multipliers(
-    problem: Any,
-    X: Array,
-    name: str,
-    values: Array,
-    observed: Sequence[dict[str, Any]],
-    parameters: Mapping[str, float],
-    work: Work | None = None,
-) -> None:
+def verify_multipliers(problem: Any, solutions: CurveSolutions, observed: Observed, work: Work | None = None) -> None:
     """Verify the multipliers of points in place; see `HarmonicBalance.verify_stability`."""
     work = work or Work(math.inf)
     for record in observed:
@@ -95,15 +89,16 @@ def verify_multipliers(
     if not computed.size:
         return
     multipliers, relative_errors = multipliers[computed], np.array([observed[i]["error"] for i in computed.tolist()])
-    relative_errors /= np.maximum(norms(X[computed].reshape(len(computed), problem.m, -1)[:, :, 1:]), 1e-300)
-    parity = Parity.of(problem, name, values[computed], parameters)
+    motions = solutions.select(computed)
+    relative_errors /= np.maximum(norms(motions.X.reshape(len(computed), problem.m, -1)[:, :, 1:]), 1e-300)
+    parity = Parity.of(problem, motions)
     signs = np.array([observed[i].get("determinant", 0) for i in computed.tolist()])
     flagged = parity.mismatch(multipliers, signs) | np.array(
         [observed[i].get("contradicts", False) for i in computed.tolist()]
     )
     regime = np.array([observed[i]["regime"] for i in computed.tolist()])
-    intervals = _shortest_intervals(problem, X[computed], regime, {**parameters, name: float(values[computed[0]])})
-    flagged |= _is_hard(problem, intervals, name, values[computed], parameters, multipliers)
+    intervals = _shortest_intervals(problem, motions, regime)
+    flagged |= _is_hard(problem, intervals, motions, multipliers)
     reachable = (MAX_SENSITIVITY * relative_errors >= min_deciding_residual(multipliers)) | flagged
     if not reachable.any():
         return
@@ -111,7 +106,7 @@ def verify_multipliers(
 
     def differences(rows: np.ndarray) -> Difference:
         """Return the difference of the multipliers of some points from a second set."""
-        less_accurate = second_set(problem, X[selected[rows]], name, values[selected[rows]], parameters)
+        less_accurate = second_set(problem, solutions.select(selected[rows]))
         return difference_of(multipliers[rows], less_accurate)
 
     errors, wide_errors = _estimate_errors(multipliers, relative_errors[reachable], regime[reachable], differences)
@@ -122,12 +117,11 @@ def verify_multipliers(
         observed[i]["multipliers"], observed[i]["modulus_error"] = record, error
     for k in np.flatnonzero(uncertain | short).tolist():
         i = int(selected[k])
-        point_parameters = {**parameters, name: float(values[i])}
-        stability = Stability(multipliers[k], float(errors[k]), not flagged[k])
+        X, stability = solutions.X[i], Stability(multipliers[k], float(errors[k]), not flagged[k])
         expected = parity.constant * int(observed[i].get("determinant", 0))
-        resolved = not is_under_resolved(problem, X[i], observed[i]["error"])
-        point = UndecidedPoint(name, point_parameters, stability, expected, work)
-        stability = point.refined(problem, X[i], bool(uncertain[k]) and resolved)
+        resolved = not is_under_resolved(problem, X, observed[i]["error"])
+        point = UndecidedPoint(solutions.name, solutions.parameters_at(i), stability, expected, work)
+        stability = point.refined(problem, X, bool(uncertain[k]) and resolved)
         observed[i]["multipliers"], observed[i]["modulus_error"] = stability.multipliers, stability.stated_error
 
 
@@ -194,21 +188,17 @@ def _nearby_sensitivity(rows: np.ndarray, samples: np.ndarray, sensitive: Array)
     return largest[..., np.searchsorted(samples, rows, side="right") - 1]
 
 
-def _shortest_intervals(problem: Any, X: Array, regime: np.ndarray, parameters: dict[str, float]) -> Array:
-    """Return the shortest contacts or flights (k,) of motions X (k, n), in periods of the highest harmonic.
+def _shortest_intervals(problem: Any, motions: CurveSolutions, regime: np.ndarray) -> Array:
+    """Return the shortest contacts or flights (k,) of motions, in periods of the highest harmonic.
 
     regime (k, m) : number of breakpoints that each element passes. The result is inf if no element passes one, and
     unless all laws are piecewise linear with constant stiffness, because only such motions are refined exactly at
     little cost.
     """
-    periods = np.full(len(X), np.inf)
-    compiled = problem.compiled(parameters)
-    if (
-        compiled.aft_laws
-        or compiled.damped
-        or not len(compiled.breakpoints)
-        or not has_constant_stiffness(problem, parameters)
-    ):
+    X, parameters = motions.X, motions.parameters_at(0)
+    periods, compiled = np.full(len(X), np.inf), problem.compiled(parameters)
+    is_sampled = compiled.aft_laws or compiled.damped
+    if is_sampled or not len(compiled.breakpoints) or not has_constant_stiffness(problem, parameters):
         return periods
     in_contact = np.any(regime > 0, axis=1)
     if in_contact.any():
@@ -216,9 +206,7 @@ def _shortest_intervals(problem: Any, X: Array, regime: np.ndarray, parameters: 
     return periods
 
 
-def _is_hard(
-    problem: Any, intervals: Array, name: str, values: Array, parameters: Mapping[str, float], multipliers: ComplexArray
-) -> NDArray[np.bool_]:
+def _is_hard(problem: Any, intervals: Array, motions: CurveSolutions, multipliers: ComplexArray) -> NDArray[np.bool_]:
     """Return whether the shortest contacts or flights (k,) are unresolved and can change the stability.
 
     A contact of stiffness k and duration delta changes multipliers by about (k / m) delta / Omega^2. A soft one at a
@@ -226,8 +214,8 @@ def _is_hard(
     """
     short: NDArray[np.bool_] = intervals < UNRESOLVED_INTERVAL
     if short.any():
-        compiled = problem.compiled({**parameters, name: float(values[0])})
-        system, Omega = compiled.system, values if name == "Omega" else parameters["Omega"]
+        compiled = problem.compiled(motions.parameters_at(0))
+        system, Omega = compiled.system, motions.values if motions.name == "Omega" else motions.fixed["Omega"]
         if system.massless:
             return short
         mobility = np.einsum("ij,ij->j", system.W, np.linalg.solve(dense(system.M), system.W))

@@ -161,19 +161,17 @@ _MOMENT_SYMMETRY_TOLERANCE = 1e-10
 """Relative asymmetry or negative eigenvalue of the moments g_j up to which they count as rounding."""
 
 
-def modal_blocks(
-    poles: ComplexArray,
-    output: ComplexArray,
-    input_: ComplexArray,
-    groups: np.ndarray,
-    reach: float = np.inf,
-    lumped: bool = False,
-) -> ModalBlocks:
-    """Return the blocks of modes from all poles (r,), output (m, r) and input (r, m).
+ModeArrays = tuple[ComplexArray, ComplexArray, ComplexArray]
+"""Poles (r,), output (m, r) and input (r, m) of r modes."""
+
+
+def modal_blocks(modes: ModeArrays, groups: np.ndarray, reach: float = np.inf, lumped: bool = False) -> ModalBlocks:
+    """Return the blocks of all modes.
 
     Modes above the frequency ``reach`` are replaced by their residual flexibility or, with ``lumped`` and if possible,
     by one mode per element.
     """
+    poles, output, input_ = modes
     T, fast = _mean_and_differences(groups), np.abs(poles) > reach
     omitted, flexibility = poles[fast], np.zeros((len(output), len(output)))
     if fast.any():
@@ -190,7 +188,7 @@ def modal_blocks(
     largest = contributions.sum(axis=0).max(initial=0.0)
     is_uncoupled = contributions.max(axis=(1, 2), initial=0.0) <= _UNCOUPLED_SHARE * largest
     active = np.flatnonzero(~is_uncoupled)
-    whole_block = _block_of(poles, output, input_, active, np.arange(len(output)), flexibility)
+    whole_block = _block_of((poles, output, input_), active, np.arange(len(output)), flexibility)
     blocks: tuple[ModalBlock, ...] = (whole_block,)
     if T is not None:
         rotated = T.T @ output, input_ @ T
@@ -200,17 +198,11 @@ def modal_blocks(
         residual = T.T @ flexibility @ T
         block = _blocks(coupling.max(axis=0, initial=0.0) + np.abs(residual) > _BLOCK_COUPLING_TOLERANCE * largest)
         owner = block[np.argmax(np.einsum("rii->ri", coupling), axis=1)]
-        blocks = tuple(
-            _block_of(
-                poles,
-                rotated[0][block == b],
-                rotated[1][:, block == b],
-                active[owner == b],
-                groups[block == b],
-                residual[np.ix_(block == b, block == b)],
-            )
-            for b in range(block.max(initial=-1) + 1)
-        )
+        blocks = ()
+        for b in range(block.max(initial=-1) + 1):
+            ports = block == b
+            part, rest = (poles, rotated[0][ports], rotated[1][:, ports]), residual[np.ix_(ports, ports)]
+            blocks = (*blocks, _block_of(part, active[owner == b], groups[ports], rest))
         if sum(part.size for part in blocks) != whole_block.size or len(blocks) == 1:
             blocks = (whole_block,)
     mobility = mobility_of(poles[active], output[:, active], input_[active])
@@ -327,15 +319,9 @@ def _mean_and_differences(groups: np.ndarray) -> Array | None:
     return T
 
 
-def _block_of(
-    poles: ComplexArray,
-    output: ComplexArray,
-    input_: ComplexArray,
-    indices: np.ndarray,
-    ports: np.ndarray,
-    flexibility: Array,
-) -> ModalBlock:
+def _block_of(modes: ModeArrays, indices: np.ndarray, ports: np.ndarray, flexibility: Array) -> ModalBlock:
     """Return the block of the modes with these indices and ports, and with the residual flexibility."""
+    poles, output, input_ = modes
     is_selected = np.zeros(len(poles), dtype=bool)
     is_selected[indices] = True
     pairs, reals = (half[is_selected[half]] for half in halves(poles))

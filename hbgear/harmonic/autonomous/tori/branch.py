@@ -9,7 +9,6 @@ Omega and Omega_2 are unknown.
 
 from __future__ import annotations
 
-import math
 from fractions import Fraction
 from typing import Any
 
@@ -131,9 +130,8 @@ def torus(
     first = base + modulation * norm(base) * direction
     U, start = _first_torus(problem, first, direction, Omega_2, parameters, name)
     ends = (low, high) if U[-1] >= value else (high, low)
-    begin = Point(U[:-2], start, 0.0, 0, None, np.zeros(0, dtype=np.int8), math.nan, problem.layout, problem=problem)
     usual = {"cover": False, "accuracy": None}
-    return trace(problem, name, ends, begin, **(usual | options))
+    return trace(problem, name, ends, Point.without_data(U[:-2], start, problem), **(usual | options))
 
 
 def _second_frequency(balance: HarmonicBalance, X: Array, parameters: dict[str, float]) -> float:

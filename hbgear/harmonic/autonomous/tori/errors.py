@@ -10,13 +10,15 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.continuation.numerics.linear import norm
+from hbgear.continuation.problem.base import Observed
+from hbgear.continuation.problem.curve_equations import CurveSolutions
 from hbgear.continuation.solvers.newton import SOLVER_ERRORS
 from hbgear.harmonic.autonomous.prescribed_amplitude import PrescribedAmplitude
 from hbgear.harmonic.balance.resolution import (
@@ -34,26 +36,20 @@ _END_MODULATION = 3e-3
 """Smaller one of two modulations, relative to the motion, from which the end of a branch is extrapolated."""
 
 
-def check_errors(
-    problem: Any,
-    X: Array,
-    name: str,
-    values: Array,
-    observed: Sequence[dict[str, Any]],
-    parameters: Mapping[str, float],
-) -> None:
+def check_errors(problem: Any, solutions: CurveSolutions, observed: Observed) -> None:
     """Replace ``"error"``, the size of the outermost coefficients, by the Newton step with twice the harmonics.
 
     Some of successive tori X (P, n + 1) at values (P,) of a parameter are checked. Between them the ratio of both is
     interpolated. The second frequency has no error where the modulation vanishes, because any frequency fits there.
     """
+    X = solutions.X
     if not len(X) or _is_large(problem):
         return
     finer, subset = finer_problem(problem), every(CHECK_INTERVAL, np.arange(len(X)))
     sizes = np.array([max(entry["error"], 1e-300) for entry in observed])
     errors = []
     for i in subset:
-        error, of_unknowns = resolution_error(problem, finer, X[i], {**parameters, name: float(values[i])})
+        error, of_unknowns = resolution_error(problem, finer, X[i], solutions.parameters_at(i))
         errors.append(error)
         if problem.free_phase and not is_periodic(problem, X[i]):
             observed[i]["unknown_errors"] = of_unknowns

@@ -25,7 +25,8 @@ import numpy as np
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.ranges import Range
 from hbgear.continuation.numerics.linear import norm
-from hbgear.continuation.problem.base import ContinuationProblem
+from hbgear.continuation.problem.base import ContinuationProblem, Observed
+from hbgear.continuation.problem.curve_equations import CurveSolutions
 from hbgear.continuation.problem.evaluation import Evaluation
 from hbgear.continuation.problem.finite_differences import parameter_derivatives
 from hbgear.continuation.results.branch import Branch
@@ -314,11 +315,9 @@ class TorusProblem(ContinuationProblem):
         error = factor * math.expm1(min(growth.error, _LARGEST_LOGARITHM))
         return out | {"multipliers": np.array([factor + 0j]), "modulus_error": error}
 
-    def check_errors(
-        self, X: Array, name: str, values: Array, observed: Sequence[dict[str, Any]], parameters: Mapping[str, float]
-    ) -> None:
+    def check_errors(self, solutions: CurveSolutions, observed: Observed) -> None:
         """Replace errors by Newton steps with twice the harmonics; see `hbgear.harmonic.autonomous.tori.errors`."""
-        check_errors(self, X, name, values, observed, parameters)
+        check_errors(self, solutions, observed)
 
     def motion(self, X: Array, **parameters: float) -> ComplexArray:
         """Return the coefficients (n, K) of all coordinates of a motion X (n,), with Omega and Omega_2 given."""

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
 from hbgear.common.arrays import Array
 from hbgear.continuation.augmented.minimally_augmented import MinimallyAugmentedProblem
-from hbgear.continuation.curve.segment import BranchStart, CurvePoint, Segment
+from hbgear.continuation.curve.segment import BranchStart, CurvePoint, NewBranch, Segment
 from hbgear.continuation.events.event import BuiltInEvent, LocatedEvent, locate_root
 from hbgear.continuation.problem.adapter import as_problem
-from hbgear.continuation.problem.base import ContinuationProblem
+from hbgear.continuation.problem.curve_equations import CurveEquations
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import SpecialPoint
 from hbgear.continuation.solvers.newton import SOLVER_ERRORS
@@ -36,39 +36,34 @@ class CodimensionTwoEvent(BuiltInEvent):
     function: Test
     other: type[MinimallyAugmentedProblem] | None = None
 
-    def values(
-        self, points: Sequence[CurvePoint], problem: ContinuationProblem, name: str, fixed: dict[str, float]
-    ) -> Array:
+    def values(self, points: Sequence[CurvePoint], equations: CurveEquations) -> Array:
         """Return the function at points, (P, 1); it is stored with them."""
         for point in points:
             if self.kind not in point.observed:
-                point.observed[self.kind] = self._value(problem, name, fixed, point)
+                point.observed[self.kind] = self._value(equations, point)
         return np.array([[point.observed[self.kind]] for point in points])
 
     def find(self, segment: Segment) -> list[LocatedEvent]:
         def test(point: CurvePoint) -> float:
-            return self._value(segment.problem, segment.name, segment.parameters, point)
+            return self._value(segment.equations, point)
 
         return [locate_root(segment, self, test)] if test(segment.a) * test(segment.b) < 0 else []
 
-    def branch_direction(
-        self, branch: Branch, point: SpecialPoint, side: int
-    ) -> tuple[ContinuationProblem, BranchStart] | None:
+    def branch_direction(self, branch: Branch, point: SpecialPoint, side: int) -> NewBranch | None:
         """Return the other curve that passes the point, in the direction of ``side``; None without one."""
         return None if self.other is None else other_curve(branch, point, side, self.other)
 
-    def _value(self, problem: Any, name: str, fixed: Mapping[str, float], point: CurvePoint) -> float:
+    def _value(self, equations: CurveEquations, point: CurvePoint) -> float:
         """Return the function at a point; nan where it is undefined."""
-        X, tracked = problem.split(point.X)
         try:
-            return type(self).function(problem, X, {**fixed, **tracked, name: point.value})
+            return type(self).function(equations.problem, *equations.solution_at(point.u))
         except SOLVER_ERRORS:
             return math.nan
 
 
 def other_curve(
     branch: Branch, point: SpecialPoint, side: int, equations: Callable[[Any, str], MinimallyAugmentedProblem]
-) -> tuple[ContinuationProblem, BranchStart]:
+) -> NewBranch:
     """Return another curve of special points that passes a point of codimension two, in the direction of ``side``.
 
     ``equations`` makes the equations of this curve from the problem and the parameter of the motions.

@@ -33,13 +33,9 @@ class GeneralisedDoublingEvent(CodimensionTwoEvent):
         """Return the zero of the coefficient itself if its sign changes beyond rounding."""
 
         def test(point: CurvePoint) -> float:
-            X, tracked = segment.problem.split(point.X)
-            parameters = {**segment.parameters, **tracked, segment.name: point.value}
-            return cubic_coefficient(segment.problem, X, parameters)[0]
+            return cubic_coefficient(segment.problem, *segment.equations.solution_at(point.u))[0]
 
-        first, last = (
-            self._value(segment.problem, segment.name, segment.parameters, end) for end in (segment.a, segment.b)
-        )
+        first, last = (self._value(segment.equations, end) for end in (segment.a, segment.b))
         return [locate_root(segment, self, test)] if first * last < 0 else []
 
 

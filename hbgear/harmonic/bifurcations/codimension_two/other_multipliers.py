@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from abc import abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -14,10 +13,10 @@ import numpy as np
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.continuation.augmented.fold import FoldProblem
 from hbgear.continuation.augmented.minimally_augmented import AugmentedResidual, Borders, MinimallyAugmentedProblem
-from hbgear.continuation.curve.segment import BranchStart, CurvePoint, Segment
+from hbgear.continuation.curve.segment import CurvePoint, NewBranch, Segment
 from hbgear.continuation.events.event import LocatedEvent, locate_root
 from hbgear.continuation.problem.adapter import as_problem
-from hbgear.continuation.problem.base import ContinuationProblem
+from hbgear.continuation.problem.curve_equations import CurveEquations
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import SpecialPoint
 from hbgear.continuation.results.stability import scaled_determinant, sign_of_pairs
@@ -78,13 +77,51 @@ class OtherPairProblem(MinimallyAugmentedProblem):
         return motion, {**parameters, **unknown}
 
 
-class OtherPairEvent(CodimensionTwoEvent):
+class OtherMultiplierEvent(CodimensionTwoEvent):
+    """Multipliers other than those of the point itself pass the unit circle along a curve of special points.
+
+    own : real multiplier of the point itself, 0 for a complex pair.
+    """
+
+    regular_at_corners = True
+    own = 0.0
+
+    def _value(self, equations: CurveEquations, point: CurvePoint) -> float:
+        """Return the test function of the other multipliers; zero within rounding, as without damping."""
+        try:
+            value = self._size(self._others(equations, point))
+        except SEARCH_ERRORS:
+            return math.nan
+        return 0.0 if abs(value) < ROUNDING_OF_FACTOR else value
+
+    def _others(self, equations: CurveEquations, point: CurvePoint) -> ComplexArray:
+        """Return the multipliers without those of the point itself."""
+        X, parameters = equations.solution_at(point.u)
+        mu: ComplexArray = equations.problem.problem.multipliers(X, points=8, **parameters)
+        for own in self._own(equations, point):
+            mu = np.delete(mu, np.argmin(np.abs(mu - own)))
+        return mu
+
+    def _size(self, mu: ComplexArray) -> float:
+        """Return the test function of multipliers (r,)."""
+        return sign_of_pairs(mu)
+
+    def _own(self, equations: CurveEquations, point: CurvePoint) -> tuple[complex, ...]:
+        """Return the multipliers of the point itself: by default `own`, or those of its pair."""
+        if self.own:
+            return (self.own,)
+        s = point.observed.get(EXPONENT) or exponent_at(equations, point, None)
+        if s is None:
+            return ()
+        mu = np.exp(1j * angle_of_pair(equations, point, s))
+        return complex(mu), complex(mu.conjugate())
+
+
+class OtherPairEvent(OtherMultiplierEvent):
     """Another complex pair of multipliers passes the unit circle along a curve of special points.
 
     near : exponent of this pair, if it has been located already.
     """
-
-    regular_at_corners = True
 
     def __init__(self, near: complex | None = None) -> None:
         self.near = near
@@ -93,14 +130,14 @@ class OtherPairEvent(CodimensionTwoEvent):
         """Return the points at which the two multipliers of the zero are complex: neutral saddles are none."""
 
         def test(point: CurvePoint) -> float:
-            return self._value(segment.problem, segment.name, segment.parameters, point)
+            return self._value(segment.equations, point)
 
         if not test(segment.a) * test(segment.b) < 0:
             return []
         rough, problem = locate_root(segment, self, test, fine=PAIR_LOCATION_TOLERANCE), segment.problem
-        mu = self._others(problem, segment.name, segment.parameters, rough.point)
+        mu = self._others(segment.equations, rough.point)
         balance: Any = problem.problem  # type: ignore[attr-defined]
-        Omega = (segment.parameters_at(rough.point.value) | problem.split(rough.point.X)[1])["Omega"]
+        Omega = segment.equations.solution_at(rough.point.u)[1]["Omega"]
         s = exponent_of_pair(mu, balance.nu, Omega)
         if s is None or abs(s.real) > MAX_RATE_OF_PAIR * Omega:
             return []
@@ -114,57 +151,25 @@ class OtherPairEvent(CodimensionTwoEvent):
             return None
         return OtherPairProblem(problem, parameter, self.near)
 
-    def branch_direction(
-        self, branch: Branch, point: SpecialPoint, side: int
-    ) -> tuple[ContinuationProblem, BranchStart] | None:
+    def branch_direction(self, branch: Branch, point: SpecialPoint, side: int) -> NewBranch | None:
         """Return the curve of Neimark-Sacker points of the other pair, in the direction of ``side``."""
         curve: Any = as_problem(branch.problem)
         equations = NeimarkSackerProblem if has_exponents(curve.problem) else PairModulusProblem
         return other_curve(branch, point, side, partial(equations, near=self.near))
 
-    def _value(self, problem: Any, name: str, fixed: Mapping[str, float], point: CurvePoint) -> float:
-        """Return the test function of the other multipliers; zero within rounding, as without damping."""
-        try:
-            value = self._size(self._others(problem, name, fixed, point))
-        except SEARCH_ERRORS:
-            return math.nan
-        return 0.0 if abs(value) < ROUNDING_OF_FACTOR else value
-
-    def _others(self, problem: Any, name: str, fixed: Mapping[str, float], point: CurvePoint) -> ComplexArray:
-        """Return the multipliers without those of the point itself."""
-        X, tracked = problem.split(point.X)
-        mu: ComplexArray = problem.problem.multipliers(X, points=8, **{**fixed, **tracked, name: point.value})
-        for own in self._own(problem, name, fixed, point):
-            mu = np.delete(mu, np.argmin(np.abs(mu - own)))
-        return mu
-
-    def _size(self, mu: ComplexArray) -> float:
-        """Return the test function of multipliers (r,)."""
-        return sign_of_pairs(mu)
-
-    @abstractmethod
-    def _own(self, problem: Any, name: str, fixed: Mapping[str, float], point: CurvePoint) -> tuple[complex, ...]:
-        """Return the multipliers of the point itself."""
-
 
 class PairOnFoldEvent(OtherPairEvent):
     """Fold-Neimark-Sacker point on a curve of folds: a pair passes the unit circle."""
 
-    kind, marker = "LPNS", "4"
+    kind, marker, own = "LPNS", "4", 1.0
     meaning = "fold-Neimark-Sacker: a multiplier +1 and a pair on the unit circle"
-
-    def _own(self, problem: Any, name: str, fixed: Mapping[str, float], point: CurvePoint) -> tuple[complex, ...]:
-        return (1.0,)
 
 
 class PairOnFlipEvent(OtherPairEvent):
     """Flip-Neimark-Sacker point on a curve of period doublings: a pair passes the unit circle."""
 
-    kind, marker = "PDNS", "3"
+    kind, marker, own = "PDNS", "3", -1.0
     meaning = "flip-Neimark-Sacker: a multiplier -1 and a pair on the unit circle"
-
-    def _own(self, problem: Any, name: str, fixed: Mapping[str, float], point: CurvePoint) -> tuple[complex, ...]:
-        return (-1.0,)
 
 
 class PairOnPairEvent(OtherPairEvent):
@@ -172,13 +177,6 @@ class PairOnPairEvent(OtherPairEvent):
 
     kind, marker = "NSNS", "2"
     meaning = "double Neimark-Sacker: two pairs on the unit circle"
-
-    def _own(self, problem: Any, name: str, fixed: Mapping[str, float], point: CurvePoint) -> tuple[complex, ...]:
-        s = point.observed.get(EXPONENT) or exponent_at(problem, name, fixed, point, None)
-        if s is None:
-            return ()
-        mu = np.exp(1j * angle_of_pair(problem, name, fixed, point, s))
-        return complex(mu), complex(mu.conjugate())
 
 
 class MultiplierOnPairEvent(CodimensionTwoEvent):
@@ -188,7 +186,7 @@ class MultiplierOnPairEvent(CodimensionTwoEvent):
     """
 
     def find(self, segment: Segment) -> list[LocatedEvent]:
-        ends = self.values((segment.a, segment.b), segment.problem, segment.name, dict(segment.parameters))
+        ends = self.values((segment.a, segment.b), segment.equations)
         return super().find(segment) if np.abs(ends).min() > ROUNDING_OF_SINGULAR_VALUE else []
 
 
@@ -206,7 +204,7 @@ class FlipOnPairEvent(MultiplierOnPairEvent):
     function, other = staticmethod(FlipOnFoldEvent.function), PeriodDoublingProblem
 
 
-class RealOnPairEvent(PairOnPairEvent):
+class RealOnPairEvent(OtherMultiplierEvent):
     """Real multiplier that passes +1 or -1 on a curve of Neimark-Sacker points, for laws whose dR/dX may jump.
 
     Parameters
@@ -221,17 +219,6 @@ class RealOnPairEvent(PairOnPairEvent):
         super().__init__()
         self.kind, self.meaning, self.marker, self.other = like.kind, like.meaning, like.marker, like.other
         self.multiplier = multiplier
-
-    def find(self, segment: Segment) -> list[LocatedEvent]:
-        return CodimensionTwoEvent.find(self, segment)
-
-    def equations(self, problem: Any, parameter: str, point: Any) -> None:
-        return None
-
-    def branch_direction(
-        self, branch: Branch, point: SpecialPoint, side: int
-    ) -> tuple[ContinuationProblem, BranchStart] | None:
-        return CodimensionTwoEvent.branch_direction(self, branch, point, side)
 
     def _size(self, mu: ComplexArray) -> float:
         """Return the smallest distance from the multiplier, with the sign of the product of all differences."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -16,7 +16,7 @@ from hbgear.continuation.augmented.minimally_augmented import MinimallyAugmented
 from hbgear.continuation.curve.segment import CurvePoint, Segment
 from hbgear.continuation.events.event import LocatedEvent
 from hbgear.continuation.numerics.linear import norm
-from hbgear.continuation.problem.base import ContinuationProblem
+from hbgear.continuation.problem.curve_equations import CurveEquations
 from hbgear.continuation.results.status import Status
 from hbgear.continuation.solvers.newton import SEARCH_ERRORS
 from hbgear.harmonic.bifurcations.codimension_two.event import CodimensionTwoEvent
@@ -31,51 +31,47 @@ class AngleEvent(CodimensionTwoEvent):
 
     cosine: float
 
-    def values(
-        self, points: Sequence[CurvePoint], problem: ContinuationProblem, name: str, fixed: dict[str, float]
-    ) -> Array:
+    def values(self, points: Sequence[CurvePoint], equations: CurveEquations) -> Array:
         exponent = None
         for point in points:
             if EXPONENT not in point.observed:
-                point.observed[EXPONENT] = exponent_at(problem, name, fixed, point, exponent)
+                point.observed[EXPONENT] = exponent_at(equations, point, exponent)
             exponent = point.observed[EXPONENT]
-        return np.array([[self._value(problem, name, fixed, point)] for point in points])
+        return np.array([[self._value(equations, point)] for point in points])
 
-    def _value(self, problem: Any, name: str, fixed: Mapping[str, float], point: CurvePoint) -> float:
+    def _value(self, equations: CurveEquations, point: CurvePoint) -> float:
         """Return cos theta minus its value at the resonance; nan where the pair is real."""
-        s = point.observed.get(EXPONENT) or exponent_at(problem, name, fixed, point, None)
-        return math.nan if s is None else cosine_of_pair(problem, name, fixed, point, s) - self.cosine
+        s = point.observed.get(EXPONENT) or exponent_at(equations, point, None)
+        return math.nan if s is None else cosine_of_pair(equations, point, s) - self.cosine
 
 
 EXPONENT = "Neimark-Sacker exponent"
 """Name under which points of a curve store the exponent of the pair."""
 
 
-def exponent_at(
-    problem: Any, name: str, fixed: Mapping[str, float], point: CurvePoint, near: complex | None
-) -> complex | None:
+def exponent_at(equations: CurveEquations, point: CurvePoint, near: complex | None) -> complex | None:
     """Return the exponent of the pair at a point of a curve of Neimark-Sacker points; None if the pair is real.
 
     ``near`` is the exponent of a neighbouring point; None for that of the equations.
     """
-    X, tracked = problem.split(point.X)
-    equations = problem if near is None else type(problem)(problem.problem, problem.parameter, near)
+    X, parameters = equations.solution_at(point.u)
+    problem = equations.problem
+    problem = problem if near is None else type(problem)(problem.problem, problem.parameter, near)
     try:
-        return equations.exponent(X, **{**fixed, **tracked, name: point.value})
+        return problem.exponent(X, **parameters)
     except SEARCH_ERRORS:
         return None
 
 
-def angle_of_pair(problem: Any, name: str, fixed: Mapping[str, float], point: CurvePoint, s: complex) -> float:
+def angle_of_pair(equations: CurveEquations, point: CurvePoint, s: complex) -> float:
     """Return the angle [rad] of the multipliers with the exponent s, up to whole turns."""
-    Omega = {**fixed, **problem.split(point.X)[1], name: point.value}["Omega"]
-    return float(2 * math.pi * problem.problem.nu * s.imag / Omega)
+    return float(2 * math.pi * equations.problem.problem.nu * s.imag / equations.solution_at(point.u)[1]["Omega"])
 
 
-def cosine_of_pair(problem: Any, name: str, fixed: Mapping[str, float], point: CurvePoint, s: complex) -> float:
+def cosine_of_pair(equations: CurveEquations, point: CurvePoint, s: complex) -> float:
     """Return (mu + 1 / mu) / 2 of the multiplier mu with the exponent s; beyond -1 and 1 it is real."""
-    Omega = {**fixed, **problem.split(point.X)[1], name: point.value}["Omega"]
-    return float(np.cosh(2 * math.pi * problem.problem.nu * s / Omega).real)
+    Omega = equations.solution_at(point.u)[1]["Omega"]
+    return float(np.cosh(2 * math.pi * equations.problem.problem.nu * s / Omega).real)
 
 
 class ThirdResonanceEvent(AngleEvent):
@@ -197,10 +193,10 @@ class RealPairEvent(EndEvent):
 
     def _angle(self, segment: Segment, point: CurvePoint) -> float:
         """Return the angle of the multipliers from the real axis at this resonance [rad]; zero if they are real."""
-        s = exponent_at(segment.problem, segment.name, segment.parameters, point, segment.a.observed.get(EXPONENT))
+        s = exponent_at(segment.equations, point, segment.a.observed.get(EXPONENT))
         if s is None:
             return 0.0
-        cosine = math.cos(angle_of_pair(segment.problem, segment.name, segment.parameters, point, s))
+        cosine = math.cos(angle_of_pair(segment.equations, point, s))
         return math.acos(max(-1.0, min(1.0, cosine if self.on is FirstResonanceEvent else -cosine)))
 
 

@@ -11,10 +11,9 @@ import scipy
 
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.continuation.augmented.null_vectors import least_singular_vectors
-from hbgear.continuation.curve.segment import BranchStart
+from hbgear.continuation.curve.segment import BranchStart, NewBranch
 from hbgear.continuation.numerics.linear import as_dense, bordered, norm
 from hbgear.continuation.problem.adapter import as_problem
-from hbgear.continuation.problem.base import ContinuationProblem
 from hbgear.continuation.results.branch import Branch
 from hbgear.continuation.results.point import SpecialPoint
 from hbgear.continuation.solvers.newton import SEARCH_ERRORS, Solution, solve
@@ -81,9 +80,7 @@ class ResonanceEvent(CodimensionTwoEvent):
 
     multiplier: int
 
-    def branch_direction(
-        self, branch: Branch, point: SpecialPoint, side: int
-    ) -> tuple[ContinuationProblem, BranchStart] | None:
+    def branch_direction(self, branch: Branch, point: SpecialPoint, side: int) -> NewBranch | None:
         """Return a Neimark-Sacker point near the resonance, which does not depend on the side; None without one.
 
         It is searched near the points of the branch next to the resonance. On one side of it the pair is complex.

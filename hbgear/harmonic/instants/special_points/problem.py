@@ -15,6 +15,7 @@ from hbgear.continuation.curve.segment import BranchStart, CurvePoint
 from hbgear.continuation.events.accuracy import PARAMETER_ROUNDING
 from hbgear.continuation.events.event import Event, LocatedEvent
 from hbgear.continuation.events.fold import CuspEvent, FoldEvent, IsolaCentreEvent
+from hbgear.continuation.problem.curve_equations import CurveEquations
 from hbgear.continuation.problem.evaluation import Evaluation
 from hbgear.continuation.problem.work import Work
 from hbgear.continuation.results.branch import Branch
@@ -155,8 +156,7 @@ class ExactSpecialPointProblem(SpecialPointProblem):
         self, start: KnownPoint, name: str, span: tuple[float, float], steps: StepControl, report: Any
     ) -> SpecialPointCurve:
         """Return the curve of the special point over a span of a second parameter."""
-        names, allowed = (self.parameter, name), self.range_of(self.parameter)
-        follower = SpecialPointFollower(self._surface(start, name), self.kind, names, allowed, span, steps, report)
+        follower = SpecialPointFollower(self, self._surface(start, name), name, span, steps, report)
         return follower.run(start.state, start.parameters[name], start.grazing, start.direction)
 
     def direction(self, U: Array, **parameters: float) -> int:
@@ -209,8 +209,8 @@ class ExactSpecialPointProblem(SpecialPointProblem):
             marks.append(SpecialPointMark(index, event, (low, high)))
         problem = copy.copy(self)
         problem._fixed(known_points=tuple(self._known_point(motion, first_point, name) for motion in curve.points))
-        header = settings.header(*ends)
-        return build_branch(problem, name, setup.fixed, points, marks, curve.status, curve.message, header)
+        equations = CurveEquations(problem, name, setup.fixed)
+        return build_branch(equations, points, marks, (curve.status, curve.message), settings.header(*ends))
 
     def _curve_point(self, surface: Surface, motion: SpecialMotion, step: float) -> CurvePoint:
         """Return a point of the branch."""

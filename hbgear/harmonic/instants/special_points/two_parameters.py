@@ -16,11 +16,11 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 import scipy
 
-from hbgear.common.ranges import Range
 from hbgear.continuation.results.status import Status
 from hbgear.continuation.solvers.newton import SOLVER_ERRORS, NoConvergence
 from hbgear.continuation.stepping.control import StepControl
@@ -59,6 +59,10 @@ MOVING_PARAMETER = 1e-3
 """Component of the tangent in the first parameter above which it moves; at a cusp it is rounding."""
 
 
+Report = Callable[[float, int, float], None]
+"""Function of value, number of points and step, called after each point."""
+
+
 @dataclass(eq=False)
 class SpecialPointCurve:
     """Points of a curve, points of codimension two as kind and number of the point, and the reason of its end."""
@@ -75,14 +79,12 @@ class SpecialPointFollower:
 
     Parameters
     ----------
+    problem : ExactSpecialPointProblem
+        Kind of the special point, first parameter and its range.
     surface : Surface
         Motions in two parameters.
-    kind : str
-        LP, PD, NS or GR.
-    names : (str, str)
-        Names of the first and the second parameter, for messages.
-    allowed : Range
-        Admissible values of the first parameter.
+    name : str
+        Name of the second parameter.
     span : (float, float)
         Section of the second parameter.
     steps : StepControl
@@ -92,18 +94,11 @@ class SpecialPointFollower:
     """
 
     def __init__(
-        self,
-        surface: Surface,
-        kind: str,
-        names: tuple[str, str],
-        allowed: Range,
-        span: tuple[float, float],
-        steps: StepControl,
-        report: Callable[[float, int, float], None],
+        self, problem: Any, surface: Surface, name: str, span: tuple[float, float], steps: StepControl, report: Report
     ) -> None:
-        self.surface, self.kind, self.span = surface, kind, span
-        (self.first_name, self.name), self.allowed = names, allowed
-        self.motions = SpecialMotions(surface, kind, abs(span[1] - span[0]))
+        self.surface, self.kind, self.name, self.span = surface, problem.kind, name, span
+        self.first_name, self.allowed = problem.parameter, problem.range_of(problem.parameter)
+        self.motions = SpecialMotions(surface, self.kind, abs(span[1] - span[0]))
         self.steps, self.report = steps, report
         self.curve, self.step = SpecialPointCurve(), steps.first_step
 
