@@ -94,9 +94,8 @@ def assemble(
     space, coefficients, unknowns = workspace.space, workspace.coefficients, X.reshape(matrices.shape[2], -1)
     spread(packed.linear.orders, X, coefficients)
     project(packed, coefficients, space)
-    size = _fill_forces(coefficients, packed.linear.orders, space, R, J) + _add_linear(
-        packed.linear.inversion_error, unknowns, matrices, constants, R, J, dR
-    )
+    size = _fill_forces(coefficients, packed.linear.orders, space, R, J)
+    size += _add_linear(unknowns, matrices, constants, R, J, dR)
     add_memory(packed.sliders, space.slides, packed.linear.orders, J)
     size += _add_compiled_laws(packed.user_laws, packed, coefficients, omega, R, J, dR)
     return size if size > 0.0 else 1.0
@@ -189,13 +188,11 @@ def _fill_forces(coefficients: Any, orders: Any, space: Any, R: Any, J: Any) -> 
 
 
 @kernel
-def _add_linear(
-    inversion_error: float, coefficients: Any, matrices: Any, constants: Any, R: Any, J: Any, dR: Any
-) -> float:
+def _add_linear(coefficients: Any, matrices: Any, constants: Any, R: Any, J: Any, dR: Any) -> float:
     """Add Z d + g to R and Z to J, set dR to dZ d + dg; return the size of their terms.
 
     It is the norm of Z d plus the norm of g, and not below the rounding errors of Z d, because the terms of a stiff
-    structure are large and cancel, and Z itself has the rounding errors of an inverse.
+    structure are large and cancel.
     """
     m, n = coefficients.shape
     stiffness_terms = constant_terms = cancelled_terms = 0.0
@@ -222,8 +219,7 @@ def _add_linear(
             else:
                 R[i * n] += zd.real + g.real
                 dR[i * n] = dg.real
-    forces = (1.0 + inversion_error) * math.sqrt(stiffness_terms)
-    return forces + math.sqrt(constant_terms) + CANCELLATION * math.sqrt(cancelled_terms)
+    return math.sqrt(stiffness_terms) + math.sqrt(constant_terms) + CANCELLATION * math.sqrt(cancelled_terms)
 
 
 @kernel

@@ -15,7 +15,6 @@ from hbgear.common.process.compiling import inlined, kernel
 from hbgear.harmonic.forces.aft_kernels import truncated_sample_harmonics
 from hbgear.harmonic.forces.piecewise_kernels import highest_gap, sampled_gap
 from hbgear.harmonic.forces.projection_kernels import cross, project, projection_workspace, shortest_interval
-from hbgear.harmonic.structure.receptance_kernels import receptance
 from hbgear.mechanics.series.fourier_kernels import coefficient, fill_one_sided
 
 
@@ -90,17 +89,19 @@ def _project_truncated(packed: Any, coefficients: Any, space: Any, f: Any) -> No
 @kernel
 def driven_response(linear: Any, Omega: Any, f: Any, out: Any) -> None:
     """Fill the truncated harmonics of out (P, n) with the response of the elements to force harmonics (P, m, L)."""
-    P, m, L = f.shape
-    w, pole_terms, sums = np.empty(L), np.empty((2, L)), np.empty((4, m * m, L))
+    (P, m, L), free = f.shape, linear.free
+    d = np.empty(m, np.complex128)
     for p in range(P):
         coefficients = out[p].reshape(m, -1)
         for k in range(L):
-            w[k] = Omega[p] * linear.truncated_orders[k] / linear.nu
-        receptance(linear, m * m, w, pole_terms, sums)
-        for k in range(L):
-            position = 2 * linear.truncated_orders[k]
-            for i in range(m):
-                d = 0j
+            s, position = 1j * (Omega[p] * linear.truncated_orders[k] / linear.nu), 2 * linear.truncated_orders[k]
+            d[:] = 0j
+            for r in range(free.poles.shape[0]):
+                z = 0j
                 for j in range(m):
-                    d += complex(sums[0, i * m + j, k], sums[1, i * m + j, k]) * f[p, j, k]
-                coefficients[i, position - 1], coefficients[i, position] = -d.real, d.imag
+                    z += free.input[r, j] * f[p, j, k]
+                z /= s - free.poles[r]
+                for i in range(m):
+                    d[i] += free.output[i, r] * z
+            for i in range(m):
+                coefficients[i, position - 1], coefficients[i, position] = -d[i].real, d[i].imag

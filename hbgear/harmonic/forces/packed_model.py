@@ -57,11 +57,26 @@ class Sliders(NamedTuple):
     wave: ComplexArray
 
 
+class FreeModes(NamedTuple):
+    """Poles (r,), displacements (m, r) of the elements, and excitation (r, m) by forces at them, of a structure.
+
+    Without modes r is 0.
+    """
+
+    poles: ComplexArray
+    output: ComplexArray
+    input: ComplexArray
+
+
 class PackedLinearPart(NamedTuple):
     """Linear part of a model.
 
     poles (2, r), residues (m m + L m, 2, r) : poles of the structure in real and imaginary parts; residues of the
-        receptance G between elements, followed by the residues of the displacements of the elements under L loads.
+        receptance G between elements, followed by the residues of the displacements of the elements under L loads. With
+        a polynomial the poles are those with fixed elements, and the residues those of Z and of the forces.
+    polynomial (3, m, m), static (L, m) : Z and the forces of L loads without the residues, see `fixed_interface`.
+        (0, m, m) if Z is the inverse of G.
+    free : modes of the structure with free elements.
     springs (2, m) : reference stiffness and damping of the elements.
     orders (K + 1,), truncated_orders (L,) : basis harmonics that are unknowns, all of 0..H by default; the others up to
         2H.
@@ -71,14 +86,15 @@ class PackedLinearPart(NamedTuple):
     tie_stiffness, tie_offsets (b, 2K + 1) : factor of the constraints, and their constants.
     loads (L, 2) : power of Omega of each load, and its position among the orders.
     nu : subharmonic order.
-    inversion_error : rounding errors of Z d relative to Z d, over the tolerance of the residual, because Z is the
-        inverse of G.
     radius, near_count (B,), far_series (B, J, N, 2) : radii of bands of far poles, the number of poles below each
         radius, and the coefficients of the power series of the others; the poles ascend. Empty for few poles.
     """
 
     poles: Array
     residues: Array
+    polynomial: Array
+    static: ComplexArray
+    free: FreeModes
     springs: Array
     orders: np.ndarray
     truncated_orders: np.ndarray
@@ -90,7 +106,6 @@ class PackedLinearPart(NamedTuple):
     tie_offsets: Array
     loads: np.ndarray
     nu: int
-    inversion_error: float
     radius: Array
     near_count: np.ndarray
     far_series: Array

@@ -9,7 +9,7 @@ are removed first. A constant load that acts on a free motion raises an error, b
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,16 @@ import scipy
 
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.continuation.numerics.linear import norm, norms
+from hbgear.harmonic.structure.eigenmodes import (
+    FREE_MOTION_TOLERANCE,
+    MAX_EIGENVECTOR_CONDITION,
+    Modes,
+    modal_pairs,
+    modes_of_states,
+    null_space,
+    real_shapes,
+)
+from hbgear.harmonic.structure.fixed_interface import FixedInterface, fixed_interface
 from hbgear.harmonic.structure.massless import massless_modes
 from hbgear.mechanics.models import System
 from hbgear.mechanics.reference_stiffness import references
@@ -28,9 +38,6 @@ MODAL_LIMIT = 1500
 
 _MAX_STACKED_COORDINATES = 100
 """Coordinates up to which the equations of all harmonics are solved in one call; larger ones need too much memory."""
-
-_FREE_MOTION_TOLERANCE = 1e-12
-"""Squared frequency, relative to the highest, below which a motion counts as free."""
 
 _BALANCED_WORK_RATIO = 1e-8
 """Work of a constant load on a free motion, relative to the sum of its absolute terms, that counts as rounding."""
@@ -44,9 +51,6 @@ _BACKWARD_ERROR = 32 * float(np.finfo(float).eps)
 _REAL_MODES_FROM = 30
 """Number of coordinates above which real modes are tried first, because they cost less."""
 
-_MODAL_COUPLING_TOLERANCE = 1e-13
-"""Off-diagonal modal damping, relative to the largest entry, that counts as rounding."""
-
 _DEPENDENT_DIRECTION_TOLERANCE = 1e-9
 """Relative residual of a direction up to which it counts as a combination of others."""
 
@@ -54,10 +58,10 @@ _REFERENCE_TRIALS = (
     (1.0, 0.0, 1e-10),
     (1.37, 0.0, 1e-10),
     (0.61, 0.0, 1e-10),
-    (1.0, 0.0, _FREE_MOTION_TOLERANCE),
-    (1.37, 0.0, _FREE_MOTION_TOLERANCE),
-    (0.61, 0.0, _FREE_MOTION_TOLERANCE),
-    (1.0, 1e-10, _FREE_MOTION_TOLERANCE),
+    (1.0, 0.0, FREE_MOTION_TOLERANCE),
+    (1.37, 0.0, FREE_MOTION_TOLERANCE),
+    (0.61, 0.0, FREE_MOTION_TOLERANCE),
+    (1.0, 1e-10, FREE_MOTION_TOLERANCE),
 )
 """Trials of `LinearStructure._add_reference_springs`: factor of the springs, disturbance, and zero singular value."""
 
@@ -71,58 +75,14 @@ _DRIFT_WORK = 1e-9
 _MIN_DISPLACEMENT_RATIO = 1e-9
 """Displacement of an element in a unit motion, relative to the largest possible, that counts as rounding."""
 
-_MAX_EIGENVECTOR_CONDITION = 1e8
-"""Condition number of the eigenvectors above which receptances are computed by direct solutions."""
-
 
 class UnbalancedLoadError(ValueError):
     """A constant load acts on a free motion, so that no periodic motion exists."""
 
 
-@dataclass(frozen=True)
-class Modes:
-    """Modal form z' = poles z + left (F - W u), q = right z of the structure with the reference springs.
-
-    Attributes
-    ----------
-    poles : ndarray, shape (r,)
-        Poles [1 / time].
-    right : ndarray, shape (n, r)
-        Right eigenvectors of the coordinates.
-    left : ndarray, shape (r, n)
-        Left eigenvectors.
-    output : ndarray, shape (m, r)
-        Modal displacements W^T right of the elements.
-    input : ndarray, shape (r, m)
-        Modal forces left W of the elements.
-    condition : float
-        Condition number of the eigenvectors.
-    """
-
-    poles: ComplexArray
-    right: ComplexArray
-    left: ComplexArray
-    output: ComplexArray
-    input: ComplexArray
-    condition: float
-
-
 def dense(A: Any) -> Array:
     """Return a matrix, sparse or not, as an array."""
     return A if isinstance(A, np.ndarray) else A.toarray() if scipy.sparse.issparse(A) else np.asarray(A)
-
-
-def _is_diagonal(A: Array) -> bool:
-    return bool(np.count_nonzero(A) == np.count_nonzero(np.diag(A)))
-
-
-def _real_shapes(M: Array, K: Array) -> tuple[Array, Array]:
-    """Return the squared frequencies of symmetric M and K, zero if not positive, and the modes of unit modal mass.
-
-    Rounding changes the lowest eigenvalues of a fine mesh, but not their Rayleigh quotients.
-    """
-    shapes = scipy.linalg.eigh(K, None if _is_diagonal(M) else M)[1]
-    return modal_squares(K, shapes, np.abs(K)), shapes
 
 
 def _constraints(W: Array, kr: Array) -> tuple[np.ndarray, Array, Array]:
@@ -139,17 +99,6 @@ def _constraints(W: Array, kr: Array) -> tuple[np.ndarray, Array, Array]:
         force_sums[independent, j], force_sums[j, j] = B, 0.0
         compatibility[j, independent], compatibility[j, j] = -stiffness * B, stiffness
     return np.array(independent), force_sums, compatibility
-
-
-def _null_space(A: Array, threshold: float | None = None) -> Array:
-    """Return an orthonormal basis of the null space of a matrix with scaled rows and columns.
-
-    threshold : largest singular value that counts as zero, by default 1e-12 times the largest one.
-    """
-    _, s, vt = np.linalg.svd(A)
-    largest = s.max(initial=0.0)
-    rank = int(np.sum(s > (_FREE_MOTION_TOLERANCE * largest if threshold is None else threshold))) if largest > 0 else 0
-    return vt[rank:].T
 
 
 class LinearStructure:
@@ -230,7 +179,7 @@ class LinearStructure:
             self.free_left = self.free if np.array_equal(self.K, self.K.T) else self._null(self.K.T)
             self.check_balance(system)
             modes = self._decompose(disturbance)
-            if modes.condition < _MAX_EIGENVECTOR_CONDITION:
+            if modes.condition < MAX_EIGENVECTOR_CONDITION:
                 break
         if modes is None:  # laws without stiffness leave a free motion
             raise ValueError(_describe_unsupported(self))
@@ -246,7 +195,7 @@ class LinearStructure:
         terms = (np.abs(dense(system.K)) + (W * self.kr) @ W.T) * np.outer(s, s)
         threshold = tolerance * float(terms.sum(axis=1).max())
         for K in (self.K,) if np.array_equal(self.K, self.K.T) else (self.K, self.K.T):
-            self.free = s[:, None] * _null_space(K * np.outer(s, s), threshold)
+            self.free = s[:, None] * null_space(K * np.outer(s, s), threshold)
             measured = np.abs(self.W.T @ self.free)
             if ((measured > _CANCELLATION_RATIO * (W.T @ np.abs(self.free))) & (measured > rounding)).any():
                 return True
@@ -269,19 +218,12 @@ class LinearStructure:
             A = K * np.outer(s, s)
             if not all(np.array_equal(x, x.T) for x in (M, C, A)):
                 return None
-            squares, V = _real_shapes(M, A)
-            D = V.T @ C @ V
-            delta = 0.5 * np.diag(D)
-            is_coupled = np.abs(D - np.diag(np.diag(D))).max() > _MODAL_COUPLING_TOLERANCE * np.abs(D).max()
-            pole_difference = 2 * np.sqrt((delta**2 - squares).astype(complex))
-            is_double = np.abs(pole_difference) * _MAX_EIGENVECTOR_CONDITION < np.abs(delta) + np.sqrt(np.abs(squares))
-            if not squares.all() or is_coupled or is_double.any():
+            squares, V = real_shapes(M, A)
+            pairs = modal_pairs(V.T @ C @ V, squares, s[:, None] * V) if squares.all() else None
+            if pairs is None:
                 continue
             self.kr, self.K = kr, K
-            poles = np.concatenate([-delta + 0.5 * pole_difference, -delta - 0.5 * pole_difference])
-            right = np.tile(s[:, None] * V, 2).astype(complex)
-            left = right.T / np.concatenate([pole_difference, -pole_difference])[:, None]
-            condition = float(np.max(np.abs(poles[: self.n]) / np.abs(pole_difference)))
+            poles, right, left, condition = pairs
             return Modes(poles, right, left, self.W.T @ right, left @ self.W, condition)
         return None
 
@@ -298,11 +240,17 @@ class LinearStructure:
     @property
     def accurate_modes(self) -> bool:
         """Whether receptances are computed from the modes, in kernels."""
-        return self.modes is not None and self.modes.condition < _MAX_EIGENVECTOR_CONDITION and not self.disturbed
+        return self.modes is not None and self.modes.condition < MAX_EIGENVECTOR_CONDITION and not self.disturbed
+
+    @cached_property
+    def fixed_interface(self) -> FixedInterface | None:
+        """Dynamic stiffness from the modes with fixed elements; None if these modes are not accurate."""
+        W, free = self.W[:, self.independent], max(self.free.shape[1], self.free_left.shape[1])
+        return fixed_interface(self.system, (self.M, self.C, self.K), W, self.bases(), free)
 
     def _null(self, A: Array) -> Array:
         """Return the null space of a matrix of the coordinates, scaled by the masses."""
-        return self._scale[:, None] * _null_space(A * np.outer(self._scale, self._scale))
+        return self._scale[:, None] * null_space(A * np.outer(self._scale, self._scale))
 
     def check_balance(self, system: System) -> None:
         """Raise an error if a constant load of a system with these matrices acts on a free motion."""
@@ -323,7 +271,7 @@ class LinearStructure:
         """
         s = self._scale
         A = self.K * np.outer(s, s)
-        static = scipy.linalg.pinv(A.T, rtol=_FREE_MOTION_TOLERANCE) @ (s * F)
+        static = scipy.linalg.pinv(A.T, rtol=FREE_MOTION_TOLERANCE) @ (s * F)
         return _BACKWARD_ERROR * float(np.linalg.norm(A) * np.linalg.norm(static) * np.linalg.norm(r / s))
 
     def _describe_unbalance(self, r: Array, work: float) -> str:
@@ -339,28 +287,24 @@ class LinearStructure:
         disturbance : relative disturbance that separates coincident poles.
         """
         M, K, C = self.M, self.K, self.C
-        free, free_left = self._undamped(self.free, C), self._undamped(self.free_left, C.T)
-        if free.shape[1]:
-            B = self._scale[:, None] * _null_space((free_left.T @ M) * self._scale)
-            T = self._scale[:, None] * _null_space((free.T @ M.T) * self._scale)
-        else:
-            B = T = np.diag(self._scale)
+        B, T = self.bases()
+        has_free = B.shape[1] < self.n
         if self.system.massless:
             poles, q, forces, condition = massless_modes(self.system, M, C, K, B, T)
             return Modes(poles, q, forces, self.W.T @ q, forces @ self.W, condition)
-        if not free.shape[1] and self.n > _REAL_MODES_FROM and np.array_equal(M, M.T) and np.array_equal(K, K.T):
-            squares, shapes = _real_shapes(
+        if not has_free and self.n > _REAL_MODES_FROM and np.array_equal(M, M.T) and np.array_equal(K, K.T):
+            squares, shapes = real_shapes(
                 M * np.outer(self._scale, self._scale), K * np.outer(self._scale, self._scale)
             )
             if squares.all():  # with states of equal size the lowest modes of a fine mesh are accurate
                 T, w = self._scale[:, None] * shapes, np.sqrt(squares)
-                return _modes_of_states(T.T @ C @ T, np.diag(w), np.diag(w), T / w, T.T, self.W, disturbance)
+                return modes_of_states(T.T @ C @ T, np.diag(w), np.diag(w), T / w, T.T, self.W, disturbance)
         Mi = np.linalg.inv(T.T @ M @ B)
         K, C = Mi @ T.T @ K @ B, Mi @ T.T @ C @ B
         frequency_scale = np.sqrt(np.abs(K).max()) or 1.0  # makes the states independent of the unit of time
-        Z = None if free.shape[1] else _without_drift(self, frequency_scale)
-        drifts = max(self.free.shape[1], self.free_left.shape[1]) - free.shape[1]
-        return _modes_of_states(
+        Z = None if has_free else _without_drift(self, frequency_scale)
+        drifts = max(self.free.shape[1], self.free_left.shape[1]) - (self.n - B.shape[1])
+        return modes_of_states(
             C,
             frequency_scale * np.eye(B.shape[1]),
             K / frequency_scale,
@@ -371,6 +315,14 @@ class LinearStructure:
             Z,
             drifts,
         )
+
+    def bases(self) -> tuple[Array, Array]:
+        """Return bases (n, p) of the coordinates and of their equations, scaled, without undamped free motions."""
+        free, free_left = self._undamped(self.free, self.C), self._undamped(self.free_left, self.C.T)
+        if not free.shape[1]:
+            return np.diag(self._scale), np.diag(self._scale)
+        B = self._scale[:, None] * null_space((free_left.T @ self.M) * self._scale)
+        return B, self._scale[:, None] * null_space((free.T @ self.M.T) * self._scale)
 
     def _undamped(self, free: Array, C: Array) -> Array:
         """Return the free motions that no damper acts on."""
@@ -453,44 +405,8 @@ class LinearStructure:
 
 def flexibility(K: Array, scale: Array) -> Array:
     """Return the pseudoinverse of K; rounding of coordinates is compared in units of ``scale`` (n,)."""
-    inverse = scipy.linalg.pinv(K * np.outer(scale, scale), rtol=_FREE_MOTION_TOLERANCE)
+    inverse = scipy.linalg.pinv(K * np.outer(scale, scale), rtol=FREE_MOTION_TOLERANCE)
     return scale[:, None] * inverse * scale
-
-
-def _modes_of_states(
-    C: Array,
-    upper: Array,
-    lower: Array,
-    B: Array,
-    T: Array,
-    W: Array,
-    disturbance: float,
-    Z: Array | None = None,
-    drifts: int = 0,
-) -> Modes:
-    """Return the modes of x' = upper y, y' = -lower x - C y + T (F - W u), q = B x.
-
-    disturbance : relative disturbance that separates coincident poles. Z : basis of the states to which x, y are
-    restricted. drifts : number of damped free motions. Each has a pole at zero, a drift that no element measures.
-    """
-    size = len(C)
-    A = np.block([[np.zeros((size, size)), upper], [-lower, -C]])
-    if disturbance:
-        # different disturbances of the states separate the eigenvectors of a defective matrix
-        A += disturbance * np.abs(upper).max() * np.diag(np.linspace(-1.0, 1.0, 2 * size) ** 3)
-    poles, V = np.linalg.eig(A if Z is None else Z.T @ A @ Z)
-    poles, V = poles.astype(complex), V.astype(complex)
-    try:
-        U = np.linalg.inv(V)
-    except np.linalg.LinAlgError:
-        U = np.full_like(V, np.inf)  # rejected by the caller because of the condition
-    if Z is not None:
-        V, U = Z @ V, U @ Z.T
-    right, left = B @ V[:size], U[:, size:] @ T
-    keep = np.abs(poles) > 1e-9 * np.abs(poles).max(initial=0.0)
-    keep[np.argsort(np.abs(poles), kind="stable")[drifts:]] = True
-    condition = float(np.linalg.norm(V, 1) * np.linalg.norm(U, 1)) if np.all(np.isfinite(U)) else np.inf
-    return Modes(poles[keep], right[:, keep], left[keep], (W.T @ right)[:, keep], (left @ W)[keep], condition)
 
 
 def _without_drift(structure: LinearStructure, frequency_scale: float) -> Array | None:
@@ -512,7 +428,7 @@ def _without_drift(structure: LinearStructure, frequency_scale: float) -> Array 
         return None
     momentum = np.hstack([left.T @ C * s, frequency_scale * (left.T @ structure.M * s)])
     momentum /= np.linalg.norm(momentum, axis=1, keepdims=True)
-    return _null_space(np.vstack([momentum, np.hstack([r.T, 0 * r.T])]))
+    return null_space(np.vstack([momentum, np.hstack([r.T, 0 * r.T])]))
 
 
 def _describe_unsupported(structure: LinearStructure) -> str:
@@ -522,7 +438,7 @@ def _describe_unsupported(structure: LinearStructure) -> str:
     name, r = structure.system.elements[int(element)].name, structure.free[:, motion]
     if modal_squares(structure.K, r[:, None], np.abs(structure.K))[0] > 0:
         return (
-            f"element '{name}' measures a motion whose stiffness over mass is below {_FREE_MOTION_TOLERANCE} of the "
+            f"element '{name}' measures a motion whose stiffness over mass is below {FREE_MOTION_TOLERANCE} of the "
             f"largest, too small to be computed with all {structure.n} coordinates; reduce the model first: "
             "hb.mechanics.reduce(system, modes).system"
         )

@@ -22,7 +22,8 @@ import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.lru_cache import LRUCache
-from hbgear.harmonic.structure.linear_structure import LinearStructure, Modes, UnbalancedLoadError, dense
+from hbgear.harmonic.structure.eigenmodes import Modes
+from hbgear.harmonic.structure.linear_structure import LinearStructure, UnbalancedLoadError, dense
 from hbgear.mechanics.models import System
 
 _MAX_EXPANDED_COORDINATES = 300

@@ -9,7 +9,9 @@ the balance of harmonic k of the element coordinates is, with w = k omega and th
     Z_k d_k + g_k + f_k = 0,   Z_k = G^-1 - kr,   g_k = G^-1 (e_k - y_k) - (kr + i w c) e_k,   y_k = W^T D^-1 F_k
 
 The solution does not depend on kr, and its size not on the number of coordinates. The structure with its modes is that
-of `hbgear.harmonic.structure.linear_structure`.
+of `hbgear.harmonic.structure.linear_structure`. The inverse of G loses digits if many elements act close to each other
+on a flexible structure; Z + kr is then computed from the modes with fixed elements,
+see `hbgear.harmonic.structure.fixed_interface`.
 
 If directions of elements are linearly dependent, W_b = W_a B, then G is singular. The balance is then written for the
 independent elements a under all forces, with constraints for the dependent elements b,
@@ -29,11 +31,10 @@ from typing import NamedTuple
 import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
-from hbgear.continuation.solvers.newton import NewtonSettings
-from hbgear.harmonic.forces.packed_model import PackedLinearPart, split_complex
+from hbgear.harmonic.forces.packed_model import FreeModes, PackedLinearPart, split_complex
+from hbgear.harmonic.structure.fixed_interface import FixedInterface
 from hbgear.harmonic.structure.linear_structure import LinearStructure
 from hbgear.mechanics.models import System
-from hbgear.mechanics.plausibility import warn
 from hbgear.mechanics.series.fourier import stretch, to_complex, to_real
 
 
@@ -171,15 +172,23 @@ class Receptance:
     def _pack(self) -> PackedLinearPart:
         """Return the arrays for kernels."""
         structure, m = self.structure, self.structure.m
+        modes = structure.modes if structure.accurate_modes else None
+        fixed = None if modes is None else _fixed_interface(structure)
         poles, residues = np.empty(0, dtype=complex), np.empty((m * (m + len(self._loads)), 0), dtype=complex)
-        inversion_error = 0.0
-        if structure.accurate_modes and structure.modes is not None:
-            modes = structure.modes
-            poles = modes.poles
-            residues = (modes.output[:, None, :] * modes.input.T).reshape(m * m, len(poles))
-            driven = [modes.output * (modes.left @ load.amplitudes) for load in self._loads]
-            inversion_error = _inversion_error(poles, residues.reshape(m, m, -1), structure.independent)
-            residues = np.concatenate([residues, *driven])
+        polynomial, static = np.empty((0, m, m)), np.zeros((len(self._loads), m), dtype=complex)
+        free = FreeModes(poles, np.empty((m, 0), dtype=complex), np.empty((0, m), dtype=complex))
+        if modes is not None:
+            output, input_, left, poles = modes.output, modes.input, modes.left, modes.poles
+            free = FreeModes(*map(np.ascontiguousarray, (poles, output, input_)))
+            if fixed is not None:
+                rows, poles, left = structure.independent, fixed.poles, fixed.left
+                output, input_ = np.zeros((m, len(poles)), complex), np.zeros((len(poles), m), complex)
+                output[rows], input_[:, rows] = fixed.output, fixed.input
+                polynomial = np.zeros((3, m, m))
+                polynomial[:, rows[:, None], rows] = fixed.polynomial
+                static[:, rows] = [fixed.static @ load.amplitudes for load in self._loads]
+            driven = [output * (left @ load.amplitudes) for load in self._loads]
+            residues = np.concatenate([(output[:, None, :] * input_.T).reshape(m * m, len(poles)), *driven])
             # near poles first: the kernels sum the far ones as a power series
             order = np.argsort(np.abs(poles), kind="stable")
             poles, residues = poles[order], residues[:, order]
@@ -191,6 +200,9 @@ class Receptance:
         return PackedLinearPart(
             split_complex(poles),
             split_complex(residues),
+            polynomial,
+            static,
+            free,
             np.array([structure.kr, structure.c]),
             self.k.astype(np.int64),
             np.flatnonzero(~is_unknown),
@@ -202,7 +214,6 @@ class Receptance:
             ties @ to_real(self.e.T),
             loads,
             int(self.nu),
-            inversion_error,
             *_far_poles(poles, residues),
         )
 
@@ -275,48 +286,38 @@ class Receptance:
         return s.solve_all(w, rhs[..., None])[..., 0]
 
 
-def _inversion_error(poles: ComplexArray, residues: ComplexArray, independent: np.ndarray) -> float:
-    """Return the rounding errors of Z d due to the inversion of G, relative to Z d, over the tolerance of the residual.
+def _fixed_interface(structure: LinearStructure) -> FixedInterface | None:
+    """Return Z from the modes with fixed elements if its computation as inverse of G has large rounding errors.
 
-    They are proportional to G_ii (G^-1)_ii, here near the lowest natural frequency, where it is largest. This is 1 for
-    elements that do not influence each other, and large for elements near each other on a flexible structure.
-    ``residues`` (m, m, r) are those of G.
+    The errors of Z d, relative to Z d, are proportional to G_ii (G^-1)_ii, here near the lowest natural frequency,
+    where it is largest. This is 1 for elements that do not influence each other. None too if Z and G contradict each
+    other, because values of the model differ by too many orders of magnitude.
     """
-    frequencies = np.abs(poles[poles != 0.0])
-    if len(independent) < 2 or not frequencies.size:
-        return 0.0
-    G = residues[np.ix_(independent, independent)] @ (1.0 / (0.99j * frequencies.min() - poles))
+    modes, independent = structure.modes, structure.independent
+    frequencies = np.abs(modes.poles[modes.poles != 0.0]) if modes is not None else np.empty(0)
+    if modes is None or len(independent) < 2 or not frequencies.size:
+        return None
+    s = 0.99j * float(frequencies.min())
+    G = (modes.output[independent] / (s - modes.poles)) @ modes.input[:, independent]
     try:
         amplification = float(np.abs(np.diag(G) * np.diag(np.linalg.inv(G))).max())
     except np.linalg.LinAlgError:
-        return 0.0
-    error = INVERSION_ROUNDING * amplification
-    if error > WARNED_INVERSION_ERROR:
-        rounding = NewtonSettings().tolerance * error
-        warn(
-            f"{len(independent)} elements act so close to each other on a flexible structure that the forces between "
-            f"both have rounding errors of up to {rounding:.0e}, and curves may need many small steps: "
-            "combine neighbouring elements, or give fewer of them"
-        )
-    return min(error, MAX_INVERSION_ERROR)
+        return None
+    fixed = structure.fixed_interface if amplification > MAX_AMPLIFICATION else None
+    if fixed is None or np.abs(G @ fixed.stiffness(s) @ G - G).max() > CONTRADICTION * np.abs(G).max():
+        return None
+    return fixed
 
 
-INVERSION_ROUNDING = 1e-3
-"""Rounding errors of Z d, relative to Z d and G_ii (G^-1)_ii, over the tolerance of the residual [-].
+CONTRADICTION = 1e-2
+"""Difference of G Z G and G, relative to G, that no rounding explains: fine meshes have up to 1e-4."""
 
-At the tolerance of 1e-10 it is 450 roundings. A beam with 20 elements has 2 to 20, and converged points should have a
-hundredth of the tolerance.
+MAX_AMPLIFICATION = 100.0
+"""Amplification G_ii (G^-1)_ii of rounding errors [-] up to which Z is the inverse of G.
+
+The errors of forces are up to 1e-13 times the amplification: at 100 a tenth of the tolerance of converged points. Two
+elements on a beam have 12, 20 have 1e6, and 90 have 1e8.
 """
-
-WARNED_INVERSION_ERROR = 1e5
-"""Errors [-] above which there is a warning.
-
-With 90 sliders on a beam the corrector stops at 50 times the tolerance, so that the step size becomes 1e-5. With 45 the
-errors are 2e4 and the steps usual.
-"""
-
-MAX_INVERSION_ERROR = 1e4
-"""Largest of these errors [-], by which the tolerance of the residual grows: 1e-10 becomes 1e-6 of the forces."""
 
 
 FEW_POLES = 32

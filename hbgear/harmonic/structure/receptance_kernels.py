@@ -2,6 +2,9 @@
 
 G(w) = sum_r a_r b_r^T / (i w - lambda_r),   Z = G^-1 - kr
 
+or, for elements close to each other, Z = K + i w C - w^2 (M + sum_r a_r b_r^T / (i w - lambda_r)) - kr with the poles
+of fixed elements, see `hbgear.harmonic.structure.fixed_interface`.
+
 Poles far above the frequencies, |lambda_r| >= 4 w, are summed as a power series in i w, whose coefficients are computed
 once for several radii (`PackedLinearPart.far_series`):
 
@@ -141,7 +144,10 @@ def fill_linear_part(
     for k in range(K):
         w[k] = Omega * (orders[k] / linear.nu)
     receptance(linear, linear.residues.shape[0], w, pole_terms, sums)
-    _stiffnesses(sums, orders, linear.nu, linear.independent, work, matrices)
+    if linear.polynomial.shape[0]:
+        _fixed_stiffnesses(linear.polynomial, sums, w, orders, linear.nu, matrices)
+    else:
+        _stiffnesses(sums, orders, linear.nu, linear.independent, work, matrices)
     for k in range(K):
         for i in range(m):
             e, loss = prescribed[k, i], orders[k] / linear.nu * springs[1, i]
@@ -156,13 +162,34 @@ def fill_linear_part(
         for j in range(m):
             row, ratio = m * (m + n) + j, orders[k] / linear.nu
             y, dy = complex(sums[0, row, k], sums[1, row, k]), ratio * complex(sums[3, row, k], -sums[2, row, k])
+            if linear.polynomial.shape[0]:  # forces at fixed elements
+                dy, y = ratio * 1j * y + 1j * w[k] * dy, linear.static[n, j] + 1j * w[k] * y
             y, dy = growth * y, growth * dy + slope * y
+            if linear.polynomial.shape[0]:
+                constants[0, k, j] -= y
+                constants[1, k, j] -= dy
+                continue
             for i in range(m):
                 constants[0, k, i] -= matrices[0, k, i, j] * y
                 constants[1, k, i] -= matrices[1, k, i, j] * y + matrices[0, k, i, j] * dy
     for k in range(K):
         for i in range(m):
             matrices[0, k, i, i] -= springs[0, i]
+
+
+@kernel
+def _fixed_stiffnesses(polynomial: Any, sums: Any, w: Any, orders: Any, nu: int, matrices: Any) -> None:
+    """Fill matrices with Y = K + i w C - w^2 (M + sum) and dY/dOmega of all orders."""
+    m = matrices.shape[2]
+    for i in range(m):
+        for j in range(m):
+            n, K, C, M = i * m + j, polynomial[0, i, j], polynomial[1, i, j], polynomial[2, i, j]
+            for k in range(w.shape[0]):
+                x, y = M + sums[0, n, k], sums[1, n, k]
+                dx, dy, square = sums[3, n, k], -sums[2, n, k], w[k] * w[k]
+                matrices[0, k, i, j] = complex(K - square * x, w[k] * C - square * y)
+                slope = complex(-2.0 * w[k] * x - square * dx, C - 2.0 * w[k] * y - square * dy)
+                matrices[1, k, i, j] = orders[k] / nu * slope
 
 
 @inlined

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
-from hbgear.harmonic.structure.linear_structure import LinearStructure, Modes
+from hbgear.harmonic.structure.eigenmodes import Modes
+from hbgear.harmonic.structure.linear_structure import LinearStructure
 from hbgear.harmonic.structure.modes import halves
 from hbgear.time.exponential.segments import Integers
 
