@@ -162,17 +162,18 @@ def test_errors_of_few_multipliers_give_those_of_the_points_between(zeta, harmon
     seen, asked = problem.observe_many(curve.X, "Omega", curve.values), []
     mu = np.array([one["multipliers"] for one in seen])
     kept = verification.second_set
-    other = kept(problem, curve.X, "Omega", curve.values, {})
+    solutions = CurveSolutions(curve.X, "Omega", curve.values, {})
+    other = kept(problem, solutions)
     every = estimate_multiplier_error(mu, difference_of(mu, other))
     rows = {x.tobytes(): i for i, x in enumerate(curve.X)}
 
-    def counted(p, X, *given):
-        asked.extend(map(bytes, X))
-        return kept(p, X, *given)
+    def counted(p, motions):
+        asked.extend(map(bytes, motions.X))
+        return kept(p, motions)
 
     monkeypatch.setattr(verification, "second_set", counted)
     monkeypatch.setattr(verification.UndecidedPoint, "refined", lambda point, *_: point.stability)
-    problem.verify_stability(CurveSolutions(curve.X, "Omega", curve.values, {}), seen)
+    problem.verify_stability(solutions, seen)
     computed = np.zeros(len(curve), dtype=bool)
     computed[[rows[x] for x in asked]] = True
     stated = np.array([one["modulus_error"] for one in seen])

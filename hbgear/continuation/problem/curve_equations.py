@@ -44,7 +44,7 @@ class CurveEquations(NamedTuple):
 
 
 class CurveSolutions(NamedTuple):
-    """CurveSolutions of a problem at several values of a parameter.
+    """Solutions of a problem at several values of a parameter.
 
     Attributes
     ----------

@@ -78,7 +78,7 @@ def integrate_segments(
     motions : tuple of ndarray
         `StateBatch.arrays` of B motions: zeta, d, v and segment.
     block : tuple of int
-        first, last, begin, end: ranges of the motions and of the cells. N cells are an excitation period, which begins
+        Ranges of the motions and of the cells: first, last, begin, end. N cells are an excitation period, which begins
         with cell 0.
     out : tuple of ndarray, shapes (periods, B, 2 q) and (2, B, m, periods N SAMPLES_PER_STEP)
         Outputs: zeta after each period; d and v at equidistant instants. Either may be empty.
