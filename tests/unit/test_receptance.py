@@ -532,6 +532,17 @@ def test_modes_with_fixed_elements_give_the_dynamic_stiffness(rng, name, monkeyp
             np.testing.assert_allclose(part[i][1], slope[0], rtol=0, atol=1e-7 * np.abs(slope).max())
 
 
+@pytest.mark.parametrize("elements", [2, 3])
+def test_one_mode_or_none_with_fixed_elements(elements):
+    """Coupled masses: the modal mass of a single mode is not one, as it is with a diagonal mass matrix."""
+    M, K = 4 * np.eye(3) + 1, np.array([[1e4 + 1, -1e4, 0], [-1e4, 1e4 + 2, -2], [0, -2, 3]])
+    W = np.array([[1.0, 0, 0], [-1, 1, 0], [0, -1, 1]])[:, :elements]
+    structure = LinearStructure(System(M, 1e-3 * K, K, [Element(w, Backlash(1.0)) for w in W.T]))
+    for w in (0.1, 0.6, 3.0):
+        Z = np.linalg.inv(W.T @ np.linalg.solve(structure.K + 1j * w * structure.C - w**2 * structure.M, W))
+        np.testing.assert_allclose(structure.fixed_interface.stiffness(1j * w), Z, rtol=0, atol=1e-12 * abs(Z).max())
+
+
 def test_defective_modes_with_fixed_elements_are_not_used():
     """Between two elements is a critically damped mass: the inverse of the receptance serves instead."""
     C, K, at = np.diag([0.1, 2.0, 0.1]), np.eye(3) - 0.3 * (np.eye(3, k=1) + np.eye(3, k=-1)), np.eye(3)
