@@ -85,6 +85,27 @@ def test_a_curve_that_is_traced_again_is_no_further_curve(gain, count):
     assert len(others) == count
 
 
+def test_a_curve_with_the_largest_number_of_points_ends_the_search():
+    """Each further start would take as many points again."""
+    starts = []
+
+    def follow(span, start, rough):
+        values = np.array([2.5 + 0.1 * len(starts), 2.6 + 0.1 * len(starts)])
+        return SimpleNamespace(
+            values=values, asymptotes={}, unbounded_ends=(), status=Status.MAX_POINTS, parameter="Omega", message=""
+        )
+
+    def start(value, X):
+        starts.append(value)
+        return SimpleNamespace(direction=1.0)
+
+    others, first = [], SimpleNamespace(values=np.array([2.0, 2.1]), asymptotes={}, unbounded_ends=())
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(coverage, "trace_both_directions", lambda start, span, follow, _: follow(span, start))
+        coverage.cover_span(first, others, (4.5, 2.0), coverage.CoverageSearch(follow, start, None))
+    assert len(starts) == len(others) == 1
+
+
 @pytest.mark.parametrize("status", list(Status))
 def test_a_curve_that_is_whole_one_way_is_not_followed_back(monkeypatch, status):
     """Closed, or retraced to its beginning: the other way leads along the same curve."""

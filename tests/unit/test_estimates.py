@@ -242,7 +242,7 @@ def test_limits_of_the_work():
     # the first estimate is allowed, the location not: the complete estimate with all comparisons remains
     problem.others = ((problem.finer, 1.0), (Moved(-7e-3), 1.0))
     first = accuracy.estimate_error(*fold_of(problem), 1e-9, Work(7.9 * ONE))
-    assert first.error == pytest.approx(7e-3, rel=1e-9) and first.refined is None
+    assert first.error == pytest.approx(8e-3, rel=1e-9) and first.refined is None  # the others are further apart
     # the location is allowed (8 of 8 + 8), a second estimate not
     second = accuracy.estimate_error(*fold_of(problem), 1e-9, Work(9.9 * ONE))
     assert second.value == pytest.approx(1e-3) and second.error == pytest.approx(1e-3, rel=1e-6)

@@ -17,6 +17,7 @@ from hbgear.mechanics.series.fourier import (
     stretch,
     to_complex,
     to_real,
+    value_and_derivative,
     waves,
 )
 
@@ -47,6 +48,8 @@ def test_derivatives_against_differences(rng):
     for order in (0, 1, 2):
         slope = (evaluate(rows, THETA + h, order) - evaluate(rows, THETA - h, order)) / (2 * h)
         np.testing.assert_allclose(evaluate(rows, THETA, order + 1), slope, atol=1e-7)
+        both = value_and_derivative(to_real(derive(to_complex(rows), order)), THETA)
+        np.testing.assert_array_equal(both, [evaluate(rows, THETA, order), evaluate(rows, THETA, order + 1)])
         np.testing.assert_allclose(
             evaluate(to_real(derive(to_complex(rows), order)), THETA), evaluate(rows, THETA, order), atol=1e-12
         )

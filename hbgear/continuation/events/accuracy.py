@@ -178,13 +178,14 @@ def _estimate(
     is_current = (event.refined.problem if event.refined else segment.problem) is problem
     if not event.located or not is_current:  # not located at this resolution
         return math.inf
-    value, errors = event.value, []
+    changes: list[float] = []
     for comparison, weight in problem.comparisons:
-        errors.append(weight * abs(_comparison(comparison, segment, event, points).value - value))
-        if problem.refined_problem is not None and not errors[-1] <= goal:
-            return math.inf if math.isnan(errors[-1]) else errors[-1]
-    finite = [error for error in errors if not math.isnan(error)]
-    return max(finite, default=math.inf)
+        changes.append(weight * (_comparison(comparison, segment, event, points).value - event.value))
+        if problem.refined_problem is not None and not abs(changes[-1]) <= goal:
+            return math.inf if math.isnan(changes[-1]) else abs(changes[-1])
+    finite = [change for change in changes if not math.isnan(change)]
+    # changes of different signs may both be small by chance: the other two points are further from each other
+    return max(0.0, *finite) - min(0.0, *finite) if finite else math.inf
 
 
 def _comparison(

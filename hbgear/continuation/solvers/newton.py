@@ -129,12 +129,18 @@ def on_curve(solution: Solution) -> Solution:
 
 
 def solve(
-    problem: Any, X: Array, parameters: Mapping[str, float], name: str = "", settings: NewtonSettings = NewtonSettings()
+    problem: Any,
+    X: Array,
+    parameters: Mapping[str, float],
+    name: str = "",
+    settings: NewtonSettings = NewtonSettings(),
+    max_halvings: int = 11,
 ) -> Solution:
     """Return the solution near a start X (n,) at fixed parameters, by Newton's method with step halving.
 
     The solution holds the value of the parameter ``name`` and the derivative in it; without a name they are nan and 0.
-    NoConvergence is raised if the residual does not fall below the tolerance.
+    A step is halved until the residual decreases. NoConvergence is raised if no step does, or if the residual does not
+    fall below the tolerance.
     """
     X = np.array(X, dtype=float)
     problem = as_problem(problem).with_borders_at(X, parameters)
@@ -151,7 +157,7 @@ def solve(
         except np.linalg.LinAlgError:
             break
         factor = 1.0
-        for _ in range(12):
+        for _ in range(max_halvings + 1):
             trial = problem.linearise(X + factor * dX, name, **parameters)
             if norm(trial.R) < norm(evaluation.R) * (1 - 0.1 * factor):  # a sufficient decrease, which nan never passes
                 break

@@ -103,7 +103,8 @@ def cover_span(
     """Search the intervals that a branch does not cover for further curves, and append them to ``others``.
 
     Each curve is appended when its trace is finished, so that an interrupted search keeps the curves found. With
-    ``inside=False`` solutions are searched at the ends of the span only.
+    ``inside=False`` solutions are searched at the ends of the span only. The search ends with a curve that takes the
+    largest number of points: further starts lead to other parts of such a curve, at the same cost.
     """
     if any(low <= span[1] <= high for low, high in uncovered_intervals([first], span)):
         with suppress(*SEARCH_ERRORS):
@@ -118,6 +119,8 @@ def cover_span(
             branch = _trace_from_guess(*guess, span, search)
             gain = _width(missing) - _width(uncovered_intervals([first, *others, branch], span))
             others += [branch] if gain > MIN_INTERVAL_RATIO * abs(span[1] - span[0]) else []
+            if branch.status is Status.MAX_POINTS:
+                return
 
 
 def _guesses(

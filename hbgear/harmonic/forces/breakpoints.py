@@ -20,7 +20,15 @@ from hbgear.common.arrays import Array, ComplexArray
 from hbgear.harmonic.forces.packed_laws import MovingLevel, PackedSpring, Packing
 from hbgear.mechanics.laws.laws import Law
 from hbgear.mechanics.laws.mesh_contacts import contacts_of
-from hbgear.mechanics.series.fourier import derive, evaluate, samples_of, stretch, to_complex, to_real
+from hbgear.mechanics.series.fourier import (
+    derive,
+    evaluate,
+    samples_of,
+    stretch,
+    to_complex,
+    to_real,
+    value_and_derivative,
+)
 from hbgear.mechanics.series.periodic import Periodic, Phased, pieces_of
 from hbgear.mechanics.series.piecewise_polynomial import ONE, TURN, PiecewisePolynomial, equal_parts
 from hbgear.mechanics.structures.elements import Element
@@ -289,6 +297,16 @@ def gap(displacement: Phased, retained: ComplexArray, nu: int, row: Array, theta
     return evaluate(row, theta, order) + (
         known_gap(displacement, retained, nu, theta, order) if displacement.corners else 0.0
     )
+
+
+def gap_and_derivative(
+    displacement: Phased, retained: ComplexArray, nu: int, row: Array, theta: Array
+) -> tuple[Array, Array]:
+    """Return `gap` and its derivative in theta."""
+    d, rate = value_and_derivative(row, theta)
+    if displacement.corners:
+        d, rate = (x + known_gap(displacement, retained, nu, theta, order) for order, x in enumerate((d, rate)))
+    return d, rate
 
 
 def gap_samples(displacement: Phased, retained: ComplexArray, nu: int, row: Array, N: int, order: int = 0) -> Array:

@@ -10,7 +10,7 @@ import numpy as np
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.harmonic.equations.evaluator import Evaluator, sampled_laws
 from hbgear.mechanics.laws.vector_laws import Component
-from hbgear.mechanics.series.fourier import evaluate
+from hbgear.mechanics.series.fourier import value_and_derivative
 from hbgear.mechanics.series.real_basis import derivative, one_sided
 
 
@@ -128,8 +128,8 @@ def slopes_at(compiled: Evaluator, rows: Array, omega: float, theta: Array) -> A
     for j, law in (*compiled.aft_laws, *compiled.damped):
         if isinstance(law, Component):
             continue
-        d, v = compiled.gap(j, rows[j], theta), omega * compiled.gap(j, rows[j], theta, 1)
-        out[:, j] = law.force(d, v, compiled.nu * theta)[1:]
+        d, rate = compiled.gap_and_derivative(j, rows[j], theta)
+        out[:, j] = law.force(d, omega * rate, compiled.nu * theta)[1:]
     return out
 
 
@@ -137,8 +137,8 @@ def vector_slopes_at(compiled: Evaluator, rows: Array, omega: float, theta: Arra
     """Return the elements (p,) and the slopes dp/dd, dp/dv (2, p, p, T) of each vector law at phases theta."""
     slopes = []
     for elements, law in compiled.vectors:
-        d, v = evaluate(rows[elements], theta), omega * evaluate(rows[elements], theta, 1)
-        slopes.append((elements, np.array(law.force(d, v, compiled.nu * theta)[1:])))
+        d, rate = value_and_derivative(rows[elements], theta)
+        slopes.append((elements, np.array(law.force(d, omega * rate, compiled.nu * theta)[1:])))
     return slopes
 
 

@@ -76,6 +76,13 @@ def evaluate(X: Array, theta: ArrayLike, order: int = 0) -> Array:
     return ((derive(c, order)) @ waves(theta, c.shape[-1] - 1).T).real
 
 
+def value_and_derivative(X: Array, theta: ArrayLike) -> tuple[Array, Array]:
+    """Return the values (..., T) of real rows X (..., 2H + 1) at phases theta (T,) [rad], and their derivatives."""
+    c = to_complex(np.asarray(X, dtype=float))
+    w = waves(theta, c.shape[-1] - 1).T
+    return (c @ w).real, (derive(c) @ w).real
+
+
 def derive(c: ComplexArray, order: int = 1) -> ComplexArray:
     """Return the coefficients of the derivative of the given order in theta, (i k)^order c_k, of c (..., H + 1).
 
