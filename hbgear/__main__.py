@@ -17,6 +17,10 @@ def main() -> None:
     except KeyboardInterrupt:
         print("hbgear: error: stopped before it was done", file=sys.stderr)
         sys.exit(_EXIT_CODE_CTRL_C)
+    finally:
+        # CPython remembers an interrupt within the exec of a text, as in a dataclass, and ends `python -m` by SIGINT
+        # instead of with its exit code; the next exec resets this
+        exec("")
 
 
 if __name__ == "__main__":

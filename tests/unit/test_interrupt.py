@@ -646,6 +646,25 @@ def test_ctrl_c_gives_one_sentence_from_the_first_import_on(tmp_path, moment):
     assert (ended.returncode, ended.stdout, ended.stderr) == (130, "", "hbgear: error: stopped before it was done\n")
 
 
+@pytest.mark.skipif(os.name == "nt", reason="requires POSIX signals between processes")
+def test_ctrl_c_within_exec_of_a_text_gives_the_exit_code(tmp_path):
+    """Dataclasses and named tuples execute a text: Python ended by the signal, although it was handled."""
+    (tmp_path / "sitecustomize.py").write_text(
+        "import sys\nclass Stop:\n    @staticmethod\n    def find_spec(name, *rest):\n"
+        "        if name == 'hbgear.cli':\n            exec('raise KeyboardInterrupt')\nsys.meta_path.insert(0, Stop)\n"
+    )
+    where = os.pathsep.join([str(tmp_path), str(Path(ROOT).parent)])
+    ended = subprocess.run(
+        [sys.executable, "-m", "hbgear", "models"],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": where},
+    )
+    assert (ended.returncode, ended.stderr) == (130, "hbgear: error: stopped before it was done\n")
+
+
 def test_a_library_hears_ctrl_c_as_python_does(tmp_path):
     (tmp_path / "numpy.py").write_text("raise KeyboardInterrupt")
     where = os.pathsep.join([str(tmp_path), str(Path(ROOT).parent)])
