@@ -16,7 +16,7 @@ from hbgear.continuation.events.event import Event
 from hbgear.continuation.numerics.linear import norm
 from hbgear.continuation.problem.adapter import as_problem
 from hbgear.continuation.results.point import Point
-from hbgear.continuation.solvers.newton import SOLVER_ERRORS, NoConvergence, solve
+from hbgear.continuation.solvers.newton import SOLVER_ERRORS, NewtonSettings, NoConvergence, solve
 
 AnyPoint = TypeVar("AnyPoint", bound=Point)
 
@@ -58,5 +58,6 @@ def _difference(problem: Any, point: Point, parameter: str, event: Event | None)
         return norm(X - point.X) / (norm(X) or 1.0)
     value = point.parameters[parameter]
     fixed = {name: x for name, x in point.parameters.items() if name != parameter}
-    solution = equations.located(np.append(point.X, value), fixed)
+    # the point is one of another problem: the iteration may start far from its solution
+    solution = equations.located(np.append(point.X, value), fixed, NewtonSettings())
     return abs(float(solution.X[-1]) - value) / (abs(value) or 1.0)

@@ -15,7 +15,7 @@ import numpy as np
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.common.lru_cache import LRUCache
 from hbgear.harmonic.forces.aft import SampledLaws, SampledVectorLaws
-from hbgear.harmonic.forces.breakpoints import Resolution, gap, gap_and_derivative, piecewise_excitation
+from hbgear.harmonic.forces.breakpoints import Resolution, gap, piecewise_excitation
 from hbgear.harmonic.forces.damped_contacts import DampedContacts
 from hbgear.harmonic.forces.packed_laws import pack_laws
 from hbgear.harmonic.forces.packed_model import PackedModel, sliders_of, user_laws_of
@@ -331,11 +331,6 @@ class Evaluator:
         """Return the displacement of element j with coefficients ``row``, or a derivative, at basis phases theta."""
         displacement, retained = self.system.elements[j].displacement, self.piecewise.retained[:, j]
         return gap(displacement, retained, self.nu, row, theta, order)
-
-    def gap_and_derivative(self, j: int, row: Array, theta: Array) -> tuple[Array, Array]:
-        """Return the displacement of element j, as `gap`, and its derivative."""
-        displacement, retained = self.system.elements[j].displacement, self.piecewise.retained[:, j]
-        return gap_and_derivative(displacement, retained, self.nu, row, theta)
 
     def highest(self, j: int, row: Array, side: float) -> tuple[float, float]:
         """Return the largest value of ``side`` times displacement j, of an element with this motion, and its phase."""

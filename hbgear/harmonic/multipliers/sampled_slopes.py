@@ -9,6 +9,7 @@ import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.harmonic.equations.evaluator import Evaluator, sampled_laws
+from hbgear.harmonic.forces.breakpoints import gap_and_derivative
 from hbgear.mechanics.laws.vector_laws import Component
 from hbgear.mechanics.series.fourier import value_and_derivative
 from hbgear.mechanics.series.real_basis import derivative, one_sided
@@ -128,7 +129,8 @@ def slopes_at(compiled: Evaluator, rows: Array, omega: float, theta: Array) -> A
     for j, law in (*compiled.aft_laws, *compiled.damped):
         if isinstance(law, Component):
             continue
-        d, rate = compiled.gap_and_derivative(j, rows[j], theta)
+        displacement, retained = compiled.system.elements[j].displacement, compiled.piecewise.retained[:, j]
+        d, rate = gap_and_derivative(displacement, retained, compiled.nu, rows[j], theta)
         out[:, j] = law.force(d, omega * rate, compiled.nu * theta)[1:]
     return out
 
