@@ -1034,7 +1034,7 @@ def test_a_point_is_followed_by_a_balance_that_has_it_to_the_stated_accuracy(cur
         problem = hb.HarmonicBalance(stop(), H)
         u = np.append(problem.from_point(resolved), Omega := point.parameters["Omega"])
         fold = hb.continuation.FoldProblem(problem, "Omega").with_borders_at(u, {})
-        return abs(float(fold.located(u, {}).X[-1]) / Omega - 1)
+        return abs(float(fold.located(u, {}, hb.NewtonSettings()).X[-1]) / Omega - 1)
 
     assert balance.H == 128 and distance(128) < RESIDUAL_FORM_ACCURACY < distance(64)
 
