@@ -16,7 +16,7 @@ import hbgear as hb
 from hbgear.analysis.quantities.length_units import dimension_of
 from hbgear.common.text.digits import short
 from hbgear.common.text.messages import did_you_mean
-from hbgear.common.text.symbols import unit_of
+from hbgear.common.text.symbols import shown_unit
 from hbgear.common.units import decimal_mark, known_unit, to_si
 from hbgear.harmonic.models.frequency_units import Omega_of, length_scale
 
@@ -60,8 +60,7 @@ def parameter_value(labels: Mapping[str, str], option: str, name: str, text: str
     >>> parameter_value({}, "--set", "damping", "4%")
     0.04
     """
-    unit = unit_of(str(labels.get(name, name)))
-    unit = "" if unit == "1" else unit
+    unit = shown_unit(str(labels.get(name, name)))
     if not unit and text.rstrip().endswith("%"):
         return to_si(option, name, text, "")
     if is_number(text) or not re.search(r"[^\W\d_]", text) or not known_unit(unit):
@@ -75,7 +74,7 @@ def parameter_value(labels: Mapping[str, str], option: str, name: str, text: str
 def deviation_of(labels: Mapping[str, str], option: str, name: str, text: str) -> float:
     """Return the standard deviation of a parameter, see `parameter_value`; a percentage raises ValueError."""
     if text.rstrip().endswith("%"):
-        unit = unit_of(str(labels.get(name, name)))
+        unit = shown_unit(str(labels.get(name, name)))
         raise ValueError(
             f"{option} {name}={text}: a deviation is no percentage; give it in the unit of {name}"
             f"{f', {unit}' if unit else ', as a number'}"

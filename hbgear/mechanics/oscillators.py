@@ -51,7 +51,7 @@ class Duffing(Model):  # numpydoc ignore=PR02
     labels: ClassVar[Mapping[str, str]] = {
         "Omega": r"$\Omega = \omega/\omega_n$ [-]",
         "amplitude": r"$x$ [-]",
-        "zeta": r"damping ratio $\zeta$",
+        "zeta": r"damping ratio $\zeta$ [-]",
         "k3": r"cubic stiffness $k_3$ [-]",
         "F": r"load $F$ [-]",
     }

@@ -111,7 +111,7 @@ def _check_values(model: Model, name: str, values: Array, usual: Range) -> None:
         unit = model.labels.get(name, "").partition("[")[2].partition("]")[0].replace("$", "")
         warn(
             f"{type(model).__name__}: {name} = {field} is far from usual values ({usual.low:g} to {usual.high:g}); "
-            f"is it in the right unit{f' ({unit})' if unit else ''}?"
+            f"is it in the right unit{f' ({unit})' if unit not in ('', '-') else ''}?"
         )
 
 

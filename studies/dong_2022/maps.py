@@ -83,8 +83,6 @@ def plot(results: Results) -> Figure:
     figure, axes = plt.subplots(rows, columns, figsize=(3.2 * columns, 2.9 * rows), layout="constrained", squeeze=False)
     for letter, ax, (name, found) in zip("abcdef", axes.flat, maps.items(), strict=False):
         jump_map(found, ax, legend=False, dimensionless=True)
-        if "[" not in ax.get_xlabel():
-            ax.set_xlabel(f"{ax.get_xlabel()} [-]")
         ax.set_title(f"({letter})", loc="left")
         ax.margins(y=0.2)
         if name == "W":

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from hbgear.common.text.symbols import unit_of
 from hbgear.gears import DoubleHelicalPair, SpurPair
 from hbgear.gears.drawing.geometry import base_helix_angle, base_radius, shaft_stiffness, transverse_pressure_angle
 from hbgear.harmonic.models.model_registry import MODELS, build, rebuild_model
@@ -256,6 +257,7 @@ def test_every_parameter_is_documented_and_labelled(cls):
     for field in dataclasses.fields(cls):
         assert field.name in words, f"{field.name} is missing in the docstring"
     assert set(model.parameters) | {"Omega", "amplitude"} == set(cls.labels)
+    assert all(unit_of(label) for label in cls.labels.values())  # [-] without a dimension: the labels name axes
     assert isinstance(model.system(), System)
 
 

@@ -33,9 +33,9 @@ from hbgear.mechanics.structures.elements import Load
 from hbgear.mechanics.structures.scales import Scales
 
 SCALE_LABELS = {
-    "eps_scale": r"factor of the stiffness amplitudes $\varepsilon_l$",
+    "eps_scale": r"factor of the stiffness amplitudes $\varepsilon_l$ [-]",
     "fluctuation_scale": "factor of the fluctuation [-]",
-    "e_scale": r"factor of the error amplitudes $e_l$",
+    "e_scale": r"factor of the error amplitudes $e_l$ [-]",
 }
 """Labels of the factors of the excitation."""
 

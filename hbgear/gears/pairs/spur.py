@@ -123,7 +123,7 @@ class SpurPair(MeshExcitation):  # numpydoc ignore=PR02
     labels: ClassVar[Mapping[str, str]] = {
         "Omega": r"$\Omega = \omega_\mathrm{mesh}/\omega_n$ [-]",
         "amplitude": r"$x$ [-]",
-        "zeta": r"damping ratio $\zeta$",
+        "zeta": r"damping ratio $\zeta$ [-]",
         "F_m": r"mean load $F_m$ [-]",
         "b": r"half backlash $b$ [-]",
         **SCALE_LABELS,

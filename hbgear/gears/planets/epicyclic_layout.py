@@ -59,9 +59,9 @@ class EpicyclicLayout(Model):
         "torque": "torque on the driver [N m]",
         "torque_scale": "factor of the torque [-]",
         "backlash_scale": "factor of the backlashes [-]",
-        "eps_scale": r"factor of the stiffness amplitudes $\varepsilon_l$",
-        "e_scale": r"factor of the errors",
-        "fluctuation_scale": "factor of the torque orders",
+        "eps_scale": r"factor of the stiffness amplitudes $\varepsilon_l$ [-]",
+        "e_scale": r"factor of the errors [-]",
+        "fluctuation_scale": "factor of the torque orders [-]",
     }
     ranges: ClassVar[Mapping[str, Range]] = {
         "carrier_inertia": POSITIVE,
