@@ -26,7 +26,7 @@ import types
 import typing
 from collections.abc import Callable, Mapping, Sequence
 from numbers import Real
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any, Self, TypeVar
 
 import numpy as np
 
@@ -102,6 +102,30 @@ def _check_argument(owner: str, name: str, value: Any, kind: Any, need: str = ""
     check(owner, name, value, kind, need)
     if kind is not Any:
         _check_finite(owner, name, value)
+
+
+class NamedFields:
+    """Base of classes with many fields: an unknown name of an argument raises a TypeError with a similar name."""
+
+    __slots__ = ()
+
+    def __new__(cls, *args: Any, **given: Any) -> Self:
+        """Return a new instance, which ``__init__`` sets up; copies are made without arguments."""
+        if given:
+            known: type = cls
+            parameters = _parameters_of(known)
+            unknown = next((name for name in given if name not in parameters), None)
+            if unknown is not None and parameters:
+                raise TypeError(f"{cls.__name__} has no parameter '{unknown}'{did_you_mean(unknown, parameters)}")
+        return super().__new__(cls)
+
+
+@functools.lru_cache(maxsize=256)
+def _parameters_of(cls: type) -> tuple[str, ...]:
+    """Return the names of the arguments of the ``__init__`` of a class; () if it takes any name."""
+    parameters = list(inspect.signature(cls.__init__).parameters.values())[1:]  # type: ignore[misc]
+    takes_any = any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters)
+    return () if takes_any else tuple(parameter.name for parameter in parameters)
 
 
 def check_fields(instance: Any) -> None:

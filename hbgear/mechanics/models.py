@@ -21,7 +21,7 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from hbgear.common.argument_checks import check, check_fields
+from hbgear.common.argument_checks import NamedFields, check, check_fields
 from hbgear.common.arrays import Array
 from hbgear.common.facade import call
 from hbgear.common.ranges import ANY, Range, checked
@@ -38,7 +38,7 @@ from hbgear.mechanics.structures.scales import Scales
 from hbgear.mechanics.structures.speed_terms import SpeedTerms
 
 
-class Model(ABC):
+class Model(NamedFields, ABC):
     """Frozen dataclass that describes a machine and builds its `System`.
 
     Its float fields are its parameters: each can be the continuation parameter, can be set on the command line, and

@@ -1,5 +1,8 @@
 """Arguments that are not what is annotated are refused in one sentence; those that are, pass."""
 
+import copy
+import inspect
+import pickle
 from collections.abc import Sequence
 
 import numpy as np
@@ -152,3 +155,42 @@ def test_unknown_and_missing_arguments_name_the_function_and_its_arguments():
         hb.HarmonicBalance(hb.Duffing(), n_harmonics=5)
     with pytest.raises(TypeError, match=r"^trace: missing a required argument: 'span'$"):
         hb.trace(hb.HarmonicBalance(hb.Duffing(), 5), (0.5, 1.5))
+
+
+class FreeModel(hb.mechanics.Model):
+    """A model of a user that is not a dataclass and takes any name."""
+
+    def __init__(self, **given):
+        self.given = given
+
+    @property
+    def system(self):
+        return hb.Duffing().system
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: hb.SpurPair(zetta=0.05), "SpurPair has no parameter 'zetta'; did you mean 'zeta'?"),
+        (lambda: hb.Duffing(damping=0.05), "Duffing has no parameter 'damping'; it has: zeta, k3, F"),
+        (lambda: hb.System(M=1, D=0, K=1), "System has no parameter 'D'; it has: M, C, K, elements, load, "),
+        (
+            lambda: hb.Element([1], hb.Cubic(0.1), dampng=1),
+            "Element has no parameter 'dampng'; did you mean 'damping'?",
+        ),
+        (lambda: hb.Cubic(stiffness=1), "Cubic has no parameter 'stiffness'; it has: k3, k1"),
+        (lambda: hb.StepControl(maxstep=0.1), "StepControl has no parameter 'maxstep'; did you mean 'max_step'?"),
+        (lambda: hb.gears.Gear(tooth=20), "Gear has no parameter 'tooth'; did you mean 'teeth'?"),
+    ],
+)
+def test_an_unknown_name_of_a_parameter_suggests_a_similar_one(call, message):
+    with pytest.raises(TypeError) as error:
+        call()
+    assert str(error.value).startswith(message)
+
+
+def test_classes_with_checked_names_are_created_and_copied():
+    free = FreeModel(anything=1)
+    assert free.given == {"anything": 1}
+    assert copy.deepcopy(hb.SpurPair(zeta=0.07)) == pickle.loads(pickle.dumps(hb.SpurPair(zeta=0.07)))
+    assert list(inspect.signature(hb.Duffing).parameters) == ["zeta", "k3", "F"]

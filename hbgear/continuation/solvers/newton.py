@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from hbgear.common.argument_checks import NamedFields
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import POSITIVE, checked, counted
 from hbgear.continuation.numerics.linear import as_dense, is_singular, norm, solve_linear
@@ -64,7 +65,7 @@ SEARCH_ERRORS = (*SOLVER_ERRORS, ValueError)
 
 
 @dataclass(frozen=True)
-class NewtonSettings:
+class NewtonSettings(NamedFields):
     """Settings of the corrector.
 
     Attributes

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from hbgear.common.argument_checks import NamedFields
 from hbgear.common.deprecation import renamed_fields
 from hbgear.common.ranges import checked, counted
 
@@ -20,7 +21,7 @@ DEFAULT_FIRST_STEP = 0.01
     history="predictor_points",
 )
 @dataclass(frozen=True)
-class StepControl:
+class StepControl(NamedFields):
     """Limits of the step size and of the predictor.
 
     Step sizes are lengths of arc in scaled unknowns, in which the span of the parameter has the length 1.

@@ -28,7 +28,7 @@ from typing import Any
 
 import numpy as np
 
-from hbgear.common.argument_checks import check
+from hbgear.common.argument_checks import NamedFields, check
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import ANY, NOT_NEGATIVE, POSITIVE, Range, checked, counted
 from hbgear.common.text.messages import quoted
@@ -56,7 +56,7 @@ MAX_TOOTH_ERROR = 1e-3
 
 
 @dataclass(frozen=True)
-class Gear:  # numpydoc ignore=PR02
+class Gear(NamedFields):  # numpydoc ignore=PR02
     """Involute gear; the module docstring states the equations.
 
     Parameters

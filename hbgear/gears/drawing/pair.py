@@ -24,7 +24,7 @@ from functools import cached_property
 from math import acos, cos, degrees, inf, pi, sin, tan
 from typing import Any
 
-from hbgear.common.argument_checks import check
+from hbgear.common.argument_checks import NamedFields, check
 from hbgear.common.arrays import Array
 from hbgear.common.facade import call
 from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, Range
@@ -37,7 +37,7 @@ from hbgear.gears.drawing.interference import Engagement, default_alterations, f
 
 
 @dataclass(frozen=True)
-class GearPair:  # numpydoc ignore=PR02
+class GearPair(NamedFields):  # numpydoc ignore=PR02
     """Pair of involute gears on parallel axes; the module docstring states the equations.
 
     Parameters

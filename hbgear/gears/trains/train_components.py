@@ -13,7 +13,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from hbgear.common.argument_checks import check
+from hbgear.common.argument_checks import NamedFields, check
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import ANY, NOT_NEGATIVE, POSITIVE, Range, counted
 from hbgear.common.text.messages import quoted
@@ -59,7 +59,7 @@ def check_ends(owner: str, first: Any, second: Any) -> None:
 
 
 @dataclass(frozen=True)
-class Wheel:  # numpydoc ignore=PR02
+class Wheel(NamedFields):  # numpydoc ignore=PR02
     """Gear or other turning body of a train: a rotor, a flange, a machine.
 
     Parameters
@@ -172,7 +172,7 @@ class Wheel:  # numpydoc ignore=PR02
 
 
 @dataclass(frozen=True)
-class Shaft:  # numpydoc ignore=PR02
+class Shaft(NamedFields):  # numpydoc ignore=PR02
     """Massless connection of two wheels on one axis: springs between their coordinates, each with a damper.
 
     Parameters
@@ -256,7 +256,7 @@ class _Section:
 
 
 @dataclass(frozen=True)
-class Bearing:  # numpydoc ignore=PR02
+class Bearing(NamedFields):  # numpydoc ignore=PR02
     """Springs and dampers between a wheel and the ground or the housing.
 
     Parameters
@@ -344,7 +344,7 @@ class Bearing:  # numpydoc ignore=PR02
 
 
 @dataclass(frozen=True)
-class Mesh:  # numpydoc ignore=PR02
+class Mesh(NamedFields):  # numpydoc ignore=PR02
     """Pair of meshing gears.
 
         k(tau) = k_mean [1 - sum_l eps[l-1] cos(l tau - eps_lag[l-1])],   e(tau) = sum_l e[l-1] cos(l tau - e_lag[l-1])

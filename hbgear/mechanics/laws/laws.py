@@ -58,6 +58,7 @@ from functools import cached_property
 
 import numpy as np
 
+from hbgear.common.argument_checks import NamedFields
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import NOT_NEGATIVE, POSITIVE, checked
 from hbgear.common.text.messages import quoted
@@ -91,7 +92,7 @@ def checked_contact(owner: str, stiffness: Phased) -> None:
         )
 
 
-class Law(ABC):
+class Law(NamedFields, ABC):
     """Scalar force law p(d, v, tau); see the contract in the header of the module.
 
     Examples

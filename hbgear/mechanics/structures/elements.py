@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from hbgear.common.argument_checks import check
+from hbgear.common.argument_checks import NamedFields, check
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import NOT_NEGATIVE, Range, checked, counted
 from hbgear.common.text.messages import quoted
@@ -26,7 +26,7 @@ from hbgear.mechanics.series.periodic import Periodic, Phased
 
 
 @dataclass(frozen=True)
-class Element:  # numpydoc ignore=PR02
+class Element(NamedFields):  # numpydoc ignore=PR02
     """Scalar element: direction, law, damper, prescribed displacement.
 
         d = direction^T q - displacement(tau),   force on the structure  -direction [law(d, d', tau) + damping d']
@@ -156,7 +156,7 @@ def VectorElement(
 
 
 @dataclass(frozen=True)
-class Load:  # numpydoc ignore=PR02
+class Load(NamedFields):  # numpydoc ignore=PR02
     """Periodic load on the coordinates.
 
         F(tau) = Omega^power (constant + sum_l cosine[l] cos(l tau) + sine[l] sin(l tau))
@@ -241,7 +241,7 @@ class Load:  # numpydoc ignore=PR02
 
 
 @dataclass(frozen=True, eq=False)
-class Reaction:  # numpydoc ignore=PR02
+class Reaction(NamedFields):  # numpydoc ignore=PR02
     """Force of a linear support on the structure, in one direction or in several directions with one resultant.
 
         F = stiffness q + damping q'
