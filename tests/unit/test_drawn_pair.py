@@ -134,6 +134,8 @@ def test_refused_values():
         Omega_of(model, "--from", "x9")
     with pytest.raises(ValueError, match="has no scales"):
         Omega_of(hb.Duffing(), "--from", "9000r/min")
+    with pytest.raises(ValueError, match=r"^--from abc: need a number, such as --from 0.9$"):
+        Omega_of(hb.Duffing(), "--from", "abc")
 
 
 def test_speeds_and_frequencies_are_Omega():

@@ -124,6 +124,8 @@ def _converted_frequency(model: Model, setting: str, text: str) -> float:
     """Return a frequency with a unit as Omega."""
     physical = model.scales
     if physical is None:
+        if not any(character.isdigit() for character in text):
+            raise ValueError(f"{setting} {text}: need a number, such as {setting} 0.9")
         raise ValueError(
             f"{setting} {text}: this model has no scales, so speeds in r/min or Hz are unknown; give Omega, such as 0.9"
         )
