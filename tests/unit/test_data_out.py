@@ -86,7 +86,7 @@ def test_csv_has_a_header(pair, tmp_path):
     lines = (tmp_path / "pair.csv").read_text(encoding="utf-8").splitlines()
     head = [line for line in lines if line.startswith("# ")]
     assert lines[: len(head)] == head  # before the table, nowhere else
-    assert "# zeta = 0.04 (damping ratio ζ [-])" in head and any(
+    assert "# zeta = 0.04 [-] (damping ratio ζ)" in head and any(
         line.startswith("# model = SpurPair(") for line in head
     )
     assert "# column pinion_rpm: speed of the pinion [r/min]" in head
