@@ -482,6 +482,20 @@ def test_elements_next_to_each_other_against_the_schur_complement(step, Omega):
         )
 
 
+def test_close_elements_of_a_large_structure(monkeypatch):
+    """The inverse of the receptance has an error of 1e-7 there; derivatives are differences."""
+    system = beam_with(np.arange(8, 98), Unilateral(k=1.0, gap=0.1))
+    expected = Receptance(LinearStructure(system), system, 2, 1)
+    monkeypatch.setattr("hbgear.harmonic.structure.linear_structure.MODAL_LIMIT", 100)
+    structure = LinearStructure(system)
+    direct = Receptance(structure, system, 2, 1)
+    assert structure.large and not structure.accurate_modes
+    for Omega in (0.5, 3.4):
+        for found, exact in zip(direct.at(Omega), expected.at(Omega), strict=True):
+            np.testing.assert_allclose(found[0], exact[0], rtol=0, atol=1e-11 * np.abs(exact[0]).max())
+            np.testing.assert_allclose(found[1], exact[1], rtol=0, atol=1e-8 * np.abs(exact[1]).max())
+
+
 def beam_with(nodes, law, force=0.1):
     """Return a clamped beam of 100 elements with a law at each of the nodes and a force at its end."""
     (M, K), at = cantilever(100), np.eye(200)

@@ -253,25 +253,23 @@ class Receptance:
     def _fill_directly(self, Omega: float, out: LinearPart) -> None:
         """Fill the linear part at Omega from receptances that are computed by direct solutions."""
         s, ratio = self.structure, self.k / self.nu
-        w, m = Omega * ratio, s.m
+        w, a = Omega * ratio, len(s.independent)
         amplitudes = np.array([part.amplitudes for part in self._loads]).reshape(-1, s.n)
-        x, dx = s.response(Omega, ratio, np.column_stack([s.W, amplitudes.T]))
-        G, dG = x[..., :m], dx[..., :m]
+        U, dU = s.condensed(Omega, ratio, amplitudes.T)
         Y, dY = out.matrices
-        block = np.ix_(np.arange(len(w)), s.independent, s.independent) if s.constrained else ...
-        Y[block] = np.linalg.inv(G[block])
-        dY[block] = -(Y[block] @ dG[block] @ Y[block])
+        block = np.ix_(np.arange(len(w)), s.independent, s.independent)
+        Y[block], dY[block] = U[..., :a], dU[..., :a]
         constants = out.constants
         constants[:] = (out.matrices @ self.e[..., None])[..., 0]
         constants[0] -= (s.kr + 1j * w[:, None] * s.c) * self.e
         constants[1] -= 1j * ratio[:, None] * s.c * self.e
         for n, part in enumerate(self._loads):
             k, power = part.position, part.power
-            y, dy = x[k, :, m + n], dx[k, :, m + n]
-            growth = Omega**power
-            change = growth * dy + (power * Omega ** (power - 1) * y if power else 0.0)
-            constants[0, k] -= Y[k] @ (growth * y)
-            constants[1, k] -= dY[k] @ (growth * y) + Y[k] @ change
+            force, slope = U[k, :, a + n], dU[k, :, a + n]
+            constants[0, k, s.independent] -= Omega**power * force
+            constants[1, k, s.independent] -= Omega**power * slope
+            if power:
+                constants[1, k, s.independent] -= power * Omega ** (power - 1) * force
         Y -= np.diag(s.kr)
 
     def motion(self, Omega: float, d: ComplexArray, f: ComplexArray) -> ComplexArray:
