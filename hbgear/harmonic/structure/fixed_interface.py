@@ -19,6 +19,7 @@ Craig & Bampton (1968), AIAA J. 6(7), 1313-1319, https://doi.org/10.2514/3.4741.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy
@@ -103,6 +104,42 @@ def fixed_interface(
     return FixedInterface(
         np.array([K_t, C_t, M_t]), poles[others], output[:, others], input_[others], static, y[others]
     )
+
+
+def direct_stiffness(structure: Any, Omega: float, ratio: Array, F: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+    """Return Z of the independent elements of a structure without accurate modes, and the forces Z W^T D^-1 F.
+
+    Both are in one array (P, a, a + c), of F (n, c) at frequencies Omega ratio (P,), followed by its derivative in
+    Omega. Large structures are solved with prescribed displacements d of the elements,
+
+        [D    W] [q]   [F]
+        [W^T  0] [u] = [d],   u = -Z d + Z W^T D^-1 F
+
+    without the inverse of G, which has large rounding errors if elements are close to each other.
+    """
+    a, W = len(structure.independent), structure.W[:, structure.independent]
+    if structure.large:
+        parts = [_with_fixed_elements(structure, Omega * r, W, F) for r in ratio.tolist()]
+        U, dU = (np.array(part) for part in zip(*parts, strict=True))
+        return U, dU * ratio[:, None, None]
+    x, dx = structure.response(Omega, ratio, np.column_stack([W, F]))
+    (G, y), (dG, dy) = ((A[:, structure.independent, :a], A[:, structure.independent, a:]) for A in (x, dx))
+    Z = np.linalg.inv(G)
+    dZ = -(Z @ dG @ Z)
+    return np.concatenate([Z, Z @ y], axis=2), np.concatenate([dZ, dZ @ y + Z @ dy], axis=2)
+
+
+def _with_fixed_elements(structure: Any, w: float, W: Array, F: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+    """Return `direct_stiffness` at a frequency w, and its derivative in w, of a large structure."""
+    (n, a), D = W.shape, structure.K + 1j * w * structure.C - w**2 * structure.M
+    size = abs(D).max()  # of the borders: they are pivots
+    border = size * scipy.sparse.csc_array(W)
+    factors = scipy.sparse.linalg.splu(scipy.sparse.block_array([[D, border], [border.T, None]], format="csc"))
+    sides = np.zeros((n + a, a + F.shape[1]), dtype=complex)
+    sides[n:, :a], sides[:n, a:] = -size * np.eye(a), F
+    x = factors.solve(sides)
+    sides[:n], sides[n:] = 1j * (structure.C @ x[:n]) - 2 * w * (structure.M @ x[:n]), 0.0
+    return size * x[n:], -size * factors.solve(sides)[n:]
 
 
 def _split(basis: Array, W: Array) -> tuple[Array, Array]:

@@ -387,28 +387,6 @@ class LinearStructure:
         Q, dQ = self._direct(Omega * ratio, np.broadcast_to(F, (len(ratio), *F.shape)))
         return self.W.T @ Q, (self.W.T @ dQ) * ratio[:, None, None]
 
-    def condensed(self, Omega: float, ratio: Array, F: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
-        """Return the stiffness Z = G^-1 of the independent elements and the forces Z W^T D^-1 F that hold them.
-
-        Both are in one array (P, a, a + c), of F (n, c) at frequencies Omega ratio (P,), followed by its derivative in
-        Omega. Large structures are solved with prescribed displacements d of the elements,
-
-            [D    W] [q]   [F]
-            [W^T  0] [u] = [d],   u = -Z d + Z W^T D^-1 F
-
-        without the inverse of G, which has large rounding errors if elements are close to each other.
-        """
-        a, W = len(self.independent), self.W[:, self.independent]
-        if self.large:
-            parts = [_held(self, Omega * r, W, F) for r in ratio.tolist()]
-            U, dU = (np.array(part) for part in zip(*parts, strict=True))
-            return U, dU * ratio[:, None, None]
-        x, dx = self.response(Omega, ratio, np.column_stack([W, F]))
-        (G, y), (dG, dy) = ((A[:, self.independent, :a], A[:, self.independent, a:]) for A in (x, dx))
-        Z = np.linalg.inv(G)
-        dZ = -(Z @ dG @ Z)
-        return np.concatenate([Z, Z @ y], axis=2), np.concatenate([dZ, dZ @ y + Z @ dy], axis=2)
-
     def _direct(self, w: Array, F: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
         """Return D(w)^-1 F and its derivative in w for F (K, n, c), by direct solutions."""
         Q, moving = self.solve_all(w, F), w != 0.0
@@ -423,19 +401,6 @@ class LinearStructure:
         dQ, v, x = np.zeros(F.shape, dtype=complex), w[moving], Q[moving]
         dQ[moving] = -self.solve_all(v, 1j * (self.C @ x) - 2 * v[:, None, None] * (self.M @ x))
         return Q, dQ
-
-
-def _held(structure: LinearStructure, w: float, W: Array, F: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
-    """Return `LinearStructure.condensed` at a frequency w, and its derivative in w, of a large structure."""
-    (n, a), D = W.shape, structure.K + 1j * w * structure.C - w**2 * structure.M
-    size = abs(D).max()  # of the borders: they are pivots
-    border = size * scipy.sparse.csc_array(W)
-    factors = scipy.sparse.linalg.splu(scipy.sparse.block_array([[D, border], [border.T, None]], format="csc"))
-    sides = np.zeros((n + a, a + F.shape[1]), dtype=complex)
-    sides[n:, :a], sides[:n, a:] = -size * np.eye(a), F
-    x = factors.solve(sides)
-    sides[:n], sides[n:] = 1j * (structure.C @ x[:n]) - 2 * w * (structure.M @ x[:n]), 0.0
-    return size * x[n:], -size * factors.solve(sides)[n:]
 
 
 def flexibility(K: Array, scale: Array) -> Array:

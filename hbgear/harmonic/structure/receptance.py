@@ -32,7 +32,7 @@ import numpy as np
 
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.harmonic.forces.packed_model import FreeModes, PackedLinearPart, split_complex
-from hbgear.harmonic.structure.fixed_interface import FixedInterface
+from hbgear.harmonic.structure.fixed_interface import FixedInterface, direct_stiffness
 from hbgear.harmonic.structure.linear_structure import LinearStructure
 from hbgear.mechanics.models import System
 from hbgear.mechanics.series.fourier import stretch, to_complex, to_real
@@ -255,7 +255,7 @@ class Receptance:
         s, ratio = self.structure, self.k / self.nu
         w, a = Omega * ratio, len(s.independent)
         amplitudes = np.array([part.amplitudes for part in self._loads]).reshape(-1, s.n)
-        U, dU = s.condensed(Omega, ratio, amplitudes.T)
+        U, dU = direct_stiffness(s, Omega, ratio, amplitudes.T)
         Y, dY = out.matrices
         block = np.ix_(np.arange(len(w)), s.independent, s.independent)
         Y[block], dY[block] = U[..., :a], dU[..., :a]
