@@ -1070,14 +1070,16 @@ def test_the_unit_of_the_frequency_is_arbitrary(order):
     np.testing.assert_allclose(powers, np.sort_complex(mu**order), atol=1e-9 * np.abs(powers).max())
 
 
-@pytest.mark.parametrize("depth, expected", [(0.04, True), (-0.5, True), (-20.0, False)])
+@pytest.mark.parametrize("depth, expected", [(0.04, True), (-0.5, True), (-8.0, False)])
 def test_a_step_is_searched_where_a_determinant_may_bend_to_zero(depth: float, expected: bool) -> None:
-    """A multiplier -1 + .1 ((s - 1/2)^2 - depth) at s = -1, 0, 1: it passes -1 twice between 0 and 1 for depth .04."""
+    """Multipliers of modulus 1 - .1 ((s - 1/2)^2 - depth) at s = -1, 0, 1 pass the limit twice for depth .04."""
 
-    def point(s: float) -> Any:
-        return SimpleNamespace(multipliers=np.array([-1 + 0.1 * ((s - 0.5) ** 2 - depth)]))
+    def point(kind: str, s: float) -> Any:
+        modulus = 1 - 0.1 * ((s - 0.5) ** 2 - depth)
+        return SimpleNamespace(multipliers=np.array([-modulus] if kind == "PD" else [1j * modulus, -1j * modulus]))
 
-    assert _may_bend(-1.0, (point(-1.0), point(0.0), point(1.0)), 1.0, 1.0) is expected
+    for kind in ("PD", "NS"):
+        assert _may_bend(kind, (point(kind, -1.0), point(kind, 0.0), point(kind, 1.0)), 1.0, 1.0) is expected
 
 
 @pytest.mark.slow
@@ -1098,3 +1100,21 @@ def test_a_curve_starts_at_a_cusp_of_folds(end: float) -> None:
     ]
     found = [point.parameters["Omega"] for point in started.special]
     np.testing.assert_allclose(sorted(found), sorted(same), atol=1e-9)
+
+
+@pytest.mark.slow
+def test_a_pair_that_leaves_the_circle_and_returns_within_a_step():
+    """Two Neimark-Sacker points in one step; moduli by shooting with DOP853 and the variational equations."""
+    K = np.array([[1.30596319, -0.36553514], [-0.36553514, 1.23585073]])
+    C = np.array([[0.01685707, -0.00471824], [-0.00471824, 0.01595208]])
+    stops = [
+        hb.Element([1.0, 0.0], hb.Unilateral(k=24.04462462, gap=0.75741778), name="one"),
+        hb.Element([0.0, 1.0], hb.Unilateral(k=1.50066992, gap=0.14753906), name="two"),
+    ]
+    system = hb.System(np.eye(2), C, K, stops, hb.Load(cosine={1: [0.2228762, 0.15719407]}))
+    curve = hb.trace(hb.ContactInstants(system, 16), "Omega", (0.6, 0.85), cover=False, work=None)
+    pair = [p.parameters["Omega"] for p in curve.special if p.kind == "NS" and p.parameters["Omega"] > 0.7]
+    np.testing.assert_allclose(pair, [0.79123343, 0.79893851], rtol=0, atol=1e-6)
+    for Omega, modulus in ((0.7905, 0.994551), (0.792, 1.004466), (0.795633, 1.011715), (0.7985, 1.002666)):
+        point = hb.trace(curve.problem, "Omega", (Omega, 0.81), curve.at(Omega)[-1], work=None)[0]
+        assert np.abs(point.multipliers).max() == pytest.approx(modulus, abs=2e-6)

@@ -308,8 +308,11 @@ def is_complex_pair(mu: ComplexArray) -> bool:
 LONG_STEP, NEAR_UNIT = 0.02, 0.6
 """Step, and distance of a multiplier from -1 or +1, from which a step is tested for two special points of one kind."""
 
+NEAR_CIRCLE = 0.2
+"""Distance of the modulus of a complex pair from 1 from which such a step is tested for two Neimark-Sacker points."""
+
 BEND_FACTOR = 30.0
-"""Factor of the second derivative of det(P - 1) and det(P + 1), a difference over two steps, that a step may have."""
+"""Factor of the second derivative of these functions, a difference over two steps, that a step may have."""
 
 INTERIOR_FRACTIONS = (0.15, 0.5, 0.85)
 """Fractions of such a step at which test functions are evaluated; next to the ends because a multiplier that passes
@@ -331,17 +334,18 @@ def hides_two_points(
 ) -> bool:
     """Return whether multipliers pass -1, +1 or the unit circle and return between two points of one pattern.
 
-    A step is searched if it is long, a multiplier is near -1 or +1 and det(P -+ 1) may bend to zero, if the number of
-    multipliers beyond -1 or +1 differs at its ends, or if a test function that is extrapolated from the step before
-    changes its sign in it. A long step with a special point is searched for two more of its kind. The point ``before``
-    the last one is at the distance ``step``, the next point at ``length``.
+    A step is searched if it is long, a multiplier is near -1, +1 or, as one of a pair, the unit circle, and det(P -+ 1)
+    or prod (mu_i mu_j - 1) may bend to zero, if the number of multipliers beyond -1 or +1 differs at its ends, or if a
+    test function that is extrapolated from the step before changes its sign in it. A long step with a special point is
+    searched for two more of its kind. The point ``before`` the last one is at the distance ``step``, the next point at
+    ``length``.
     """
     if last.state.pattern != point.state.pattern:
         return False
     kinds = {kind for kind in _SEARCHED_KINDS if last.test(kind) * point.test(kind) > 0}
-    promising = {kind for kind in kinds & set(_UNIT) if length > LONG_STEP and _comes_near(_UNIT[kind], last, point)}
+    promising = {kind for kind in kinds if length > LONG_STEP and _comes_near(kind, last, point)}
     if before is not None and step > 0 and before.state.pattern == last.state.pattern:
-        promising = {kind for kind in promising if _may_bend(_UNIT[kind], (before, last, point), step, length)}
+        promising = {kind for kind in promising if _may_bend(kind, (before, last, point), step, length)}
         for kind in kinds - promising:
             value, rate = last.test(kind), (last.test(kind) - before.test(kind)) / step
             if (value + rate * length) * value < 0:
@@ -360,9 +364,12 @@ _SEARCHED_KINDS, _UNIT = ("PD", "BP", "NS"), {"PD": -1.0, "BP": 1.0}
 """Kinds that can lie twice in a step, and the multiplier at them."""
 
 
-def _comes_near(unit: float, *points: ExactPoint) -> bool:
-    """Return whether a multiplier of a point is near -1 or +1."""
-    return any(bool(np.abs(point.multipliers - unit).min() < NEAR_UNIT) for point in points)
+def _comes_near(kind: str, *points: ExactPoint) -> bool:
+    """Return whether a multiplier of a point is near -1 or +1, or a complex pair near the unit circle."""
+    if kind in _UNIT:
+        return any(bool(np.abs(point.multipliers - _UNIT[kind]).min() < NEAR_UNIT) for point in points)
+    pairs = (mu[mu.imag > 0] for point in points if len(mu := point.multipliers) > 2)
+    return any(bool(np.abs(np.abs(mu) - 1).min(initial=math.inf) < NEAR_CIRCLE) for mu in pairs)
 
 
 def _count_beyond(unit: float, point: ExactPoint) -> int:
@@ -386,14 +393,23 @@ def _pass_one_by_one(family: Family, a: ExactPoint, b: ExactPoint, unit: float) 
     return False
 
 
-def _may_bend(unit: float, points: tuple[ExactPoint, ExactPoint, ExactPoint], step: float, length: float) -> bool:
-    """Return whether det(P - unit) may reach zero and return between the last two points.
+def _may_bend(kind: str, points: tuple[ExactPoint, ExactPoint, ExactPoint], step: float, length: float) -> bool:
+    """Return whether det(P -+ 1) or prod (mu_i mu_j - 1) may reach zero and return between the last two points.
 
-    It is smooth, also where multipliers meet. Between two points it differs from its chord by at most |d2/ds2| h^2 / 8.
+    They are smooth, also where multipliers meet. Between two points such a function differs from its chord by at most
+    |d2/ds2| h^2 / 8.
     """
-    a, b, c = (float(np.prod(point.multipliers - unit).real) for point in points)
+    a, b, c = (_smooth_test(kind, point.multipliers) for point in points)
     bend = abs((c - b) / length - (b - a) / step) / (step + length) * length**2 / 4
     return min(abs(b), abs(c)) < BEND_FACTOR * bend
+
+
+def _smooth_test(kind: str, mu: ComplexArray) -> float:
+    """Return det(P -+ 1), or for "NS" prod_{i<j} (mu_i mu_j - 1), of the multipliers."""
+    if kind in _UNIT:
+        return float(np.prod(mu - _UNIT[kind]).real)
+    first, second = np.triu_indices(len(mu), 1)
+    return float(np.prod(mu[first] * mu[second] - 1).real)
 
 
 def _passes_three_times(family: Family, a: ExactPoint, b: ExactPoint, kind: str) -> bool:
