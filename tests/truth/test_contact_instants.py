@@ -1118,3 +1118,15 @@ def test_a_pair_that_leaves_the_circle_and_returns_within_a_step():
     for Omega, modulus in ((0.7905, 0.994551), (0.792, 1.004466), (0.795633, 1.011715), (0.7985, 1.002666)):
         point = hb.trace(curve.problem, "Omega", (Omega, 0.81), curve.at(Omega)[-1], work=None)[0]
         assert np.abs(point.multipliers).max() == pytest.approx(modulus, abs=2e-6)
+
+
+def test_the_largest_step_of_the_trace_applies() -> None:
+    """It was ignored. Special points do not depend on it."""
+    curves = [
+        hb.trace(hb.ContactInstants(stop(k=20.0)), "Omega", (1.4, 1.2), steps=hb.StepControl(max_step=largest))
+        for largest in (0.04, 0.01)
+    ]
+    assert len(curves[1]) > 2 * len(curves[0]) > 40
+    for coarse, fine in zip(*(curve.special for curve in curves), strict=True):
+        assert fine.kind == coarse.kind
+        assert fine.parameters["Omega"] == pytest.approx(coarse.parameters["Omega"], abs=1e-9)

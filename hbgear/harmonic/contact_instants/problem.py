@@ -103,6 +103,9 @@ class ContactInstants(HarmonicBalance):
     ``evaluate(X, ...)`` returns X minus the coefficients of the exact motion near X, with the unit matrix as its
     derivative, so that Newton's method returns an exact motion.
 
+    Of ``steps`` in `trace`, ``max_points`` applies, and ``max_step`` changes the largest step in proportion. The other
+    limits follow from the multipliers, the turn of the tangent and the correction of each step.
+
     References
     ----------
     Stoer & Bulirsch, Introduction to Numerical Analysis (2002), section 7.3, https://doi.org/10.1007/978-0-387-21738-3.

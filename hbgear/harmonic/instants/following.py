@@ -24,6 +24,7 @@ from hbgear.common.arrays import Array
 from hbgear.continuation.curve.asymptote import unbounded_message
 from hbgear.continuation.results.status import Status
 from hbgear.continuation.solvers.newton import NoConvergence
+from hbgear.continuation.stepping.control import StepControl
 from hbgear.continuation.tracing.state import TraceSetup
 from hbgear.harmonic.instants.corrector import (
     PREDICTED_LOSS,
@@ -61,7 +62,9 @@ from hbgear.harmonic.instants.special_points.grazing import (
 )
 
 FIRST_STEP, SMALLEST_STEP, LARGEST_STEP = 0.02, 1e-10, 0.1
-"""Steps in scaled unknowns: the first, the smallest before the curve ends, the largest."""
+"""Steps in scaled unknowns: the first, the smallest before the curve ends, the largest with the default `StepControl`.
+
+Instants and velocities change more evenly than harmonics. Another ``max_step`` changes the largest in proportion."""
 
 LARGEST_TURN_COSINE = math.cos(math.radians(18.0))
 """Cosine of the largest angle of successive tangents."""
@@ -141,7 +144,7 @@ class Follower:
     family : callable
         Equations at a value of the parameter.
     setup : TraceSetup
-        Name and span of the parameter, largest number of points.
+        Name and span of the parameter, largest step and number of points.
     special : bool
         Whether special points are located.
     report : callable
@@ -150,9 +153,12 @@ class Follower:
 
     def __init__(self, family: Family, setup: TraceSetup, special: bool, report: Report) -> None:
         self.family, self.name, self.span = family, setup.name, (setup.span.start, setup.span.end)
-        self.width, self.max_points = setup.span.width, setup.settings.steps.max_points
+        steps = setup.settings.steps
+        self.width, self.max_points = setup.span.width, steps.max_points
+        self.largest_step = LARGEST_STEP * steps.max_step / StepControl.max_step
         self.special, self.report = special, report
-        self.curve, self.step, self.smallest = ExactCurve(), FIRST_STEP, math.inf  # size of the motions of the curve
+        self.curve, self.step = ExactCurve(), min(FIRST_STEP, self.largest_step)
+        self.smallest = math.inf  # size of the motions of the curve
         self.origin: CurveState | None = None
 
     def run(self, state: CurveState, direction: Array | None = None) -> ExactCurve:
@@ -216,7 +222,7 @@ class Follower:
         grow = STEP_GROWTH if point.iterations <= FAST_ITERATIONS else 1.0
         if change > PREDICTED_CHANGE * MAX_POLYNOMIAL_CHANGE / STEP_GROWTH:  # the next step would change them too far
             grow = min(grow, max(MULTIPLIER_STEP / length, PREDICTED_CHANGE * MAX_POLYNOMIAL_CHANGE / change))
-        self.step = min(LARGEST_STEP, max(length * grow, self.step if length < self.step else 0.0))
+        self.step = min(self.largest_step, max(length * grow, self.step if length < self.step else 0.0))
         if self._leaves_span(point):
             self._finish(last, point)
             return
@@ -303,7 +309,7 @@ class Follower:
     def _pass_opening(self, last: ExactPoint, point: ExactPoint, missed: list[MissedCrossing]) -> None:
         """Accept the grazing point at which contacts open between the last point and one without them."""
         guesses = [Grazing(0.5 * (m.begin + m.end), m.first) for m in missed]
-        grazing = first_grazing(self.family, last, point, guesses, 1.5 * LARGEST_STEP)
+        grazing = first_grazing(self.family, last, point, guesses, 1.5 * self.largest_step)
         exact = self._grazing_point(grazing, last.tangent if len(last.tangent) == len(point.tangent) else point.tangent)
         if self._leaves_span(exact):
             self._finish(last, exact)
