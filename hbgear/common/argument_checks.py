@@ -105,27 +105,33 @@ def _check_argument(owner: str, name: str, value: Any, kind: Any, need: str = ""
 
 
 class NamedFields:
-    """Base of classes with many fields: an unknown name of an argument raises a TypeError with a similar name."""
+    """Base of classes with many fields: a TypeError names the field similar to an unknown one, and missing fields."""
 
     __slots__ = ()
 
     def __new__(cls, *args: Any, **given: Any) -> Self:
         """Return a new instance, which ``__init__`` sets up; copies are made without arguments."""
-        if given:
+        if args or given:
             known: type = cls
-            parameters = _parameters_of(known)
+            parameters, required = _parameters_of(known)
             unknown = next((name for name in given if name not in parameters), None)
             if unknown is not None and parameters:
                 raise TypeError(f"{cls.__name__} has no parameter '{unknown}'{did_you_mean(unknown, parameters)}")
+            missing = [name for name in required if name not in given and name not in parameters[: len(args)]]
+            if missing:
+                texts = ", ".join(missing), ", ".join(required)
+                raise TypeError(f"{cls.__name__}: missing {texts[0]}; its required arguments are {texts[1]}")
         return super().__new__(cls)
 
 
 @functools.lru_cache(maxsize=256)
-def _parameters_of(cls: type) -> tuple[str, ...]:
-    """Return the names of the arguments of the ``__init__`` of a class; () if it takes any name."""
+def _parameters_of(cls: type) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the names of the arguments of the ``__init__`` of a class, () if it takes any, and the required ones."""
     parameters = list(inspect.signature(cls.__init__).parameters.values())[1:]  # type: ignore[misc]
-    takes_any = any(parameter.kind is parameter.VAR_KEYWORD for parameter in parameters)
-    return () if takes_any else tuple(parameter.name for parameter in parameters)
+    if any(parameter.kind in (parameter.VAR_KEYWORD, parameter.VAR_POSITIONAL) for parameter in parameters):
+        return (), ()
+    required = tuple(parameter.name for parameter in parameters if parameter.default is parameter.empty)
+    return tuple(parameter.name for parameter in parameters), required
 
 
 def check_fields(instance: Any) -> None:

@@ -181,9 +181,14 @@ class FreeModel(hb.mechanics.Model):
         (lambda: hb.Cubic(stiffness=1), "Cubic has no parameter 'stiffness'; it has: k3, k1"),
         (lambda: hb.StepControl(maxstep=0.1), "StepControl has no parameter 'maxstep'; did you mean 'max_step'?"),
         (lambda: hb.gears.Gear(tooth=20), "Gear has no parameter 'tooth'; did you mean 'teeth'?"),
+        (lambda: hb.System([[1]], [[1]]), "System: missing K; its required arguments are M, C, K"),
+        (
+            lambda: hb.Element(law=hb.Cubic(1.0)),
+            "Element: missing direction; its required arguments are direction, law",
+        ),
     ],
 )
-def test_an_unknown_name_of_a_parameter_suggests_a_similar_one(call, message):
+def test_unknown_and_missing_arguments_are_named(call, message):
     with pytest.raises(TypeError) as error:
         call()
     assert str(error.value).startswith(message)
