@@ -330,6 +330,13 @@ def test_near_a_fold_another_Omega_has_the_motion():
     assert exact.Omega < beyond and exact.Omega == pytest.approx(1.63974, rel=2e-3)
 
 
+def test_bouncing_on_a_hard_stop_is_named():
+    """A mass on its stop bounces until it rests, at a low Omega: not all contacts of the balance are found."""
+    model = stop(1e5, 0.1, 0.3, gap=0.0)
+    with pytest.raises(hb.NoConvergence, match="an element bounces: begin the curve where it has fewer contacts"):
+        hb.trace(hb.ContactInstants(model), "Omega", (0.2, 0.01))
+
+
 def test_models_without_contact_instants_are_refused():
     problem = hb.HarmonicBalance(hb.Duffing(), 4)
     with pytest.raises(NotPiecewiseLinear, match="not piecewise linear"):

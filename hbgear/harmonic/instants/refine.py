@@ -56,6 +56,9 @@ MAX_ORDER_CHANGES = 8
 MAX_SWITCHES_PER_PERIOD = 400
 """Largest number of switches in a period of the excitation."""
 
+BOUNCING_INSTANTS = 10
+"""Number of contact instants of an element in a period from which a failure is explained by its bouncing."""
+
 MIN_CONTACT_DURATION = 1e-8
 """Shortest duration of a new contact, over the period."""
 
@@ -206,9 +209,12 @@ def _newton(ode: EquationsAt, iterate: Iterate, free: bool) -> tuple[EquationsAt
             and float(np.abs(linearised.R).max(initial=0.0)) <= INSTANT_RESIDUAL_TOLERANCE * size * 1e3
         ):
             return ode, iterate, None
+    count = iterate.pattern.count
+    bounces = count > BOUNCING_INSTANTS * len(ode.equations.breakpoints) * ode.equations.nu
+    reason = "an element bounces: begin the curve where it has fewer contacts in a period, at a larger Omega"
     raise _failure(
-        f"Newton's method in {iterate.pattern.count} contact instants does not converge"
-        + ("" if free else ": there may be no motion at this Omega (close to a fold)"),
+        f"Newton's method in {count} contact instants does not converge"
+        + ("" if free else f": {reason}" if bounces else ": there may be no motion at this Omega (close to a fold)"),
         ode.Omega,
     )
 
