@@ -114,7 +114,8 @@ class NamedFields:
         if args or given:
             known: type = cls
             parameters, required = _parameters_of(known)
-            unknown = next((name for name in given if name not in parameters), None)
+            accepted = (*parameters, *getattr(cls.__init__, "old_names", ()))
+            unknown = next((name for name in given if name not in accepted), None)
             if unknown is not None and parameters:
                 raise TypeError(f"{cls.__name__} has no parameter '{unknown}'{did_you_mean(unknown, parameters)}")
             missing = [name for name in required if name not in given and name not in parameters[: len(args)]]

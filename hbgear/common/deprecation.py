@@ -45,6 +45,7 @@ def renamed_fields(**new_names: str) -> Callable[[_Class], _Class]:
                 options[new] = options.pop(old)
             init(self, *arguments, **options)
 
+        accept_old_names.old_names = tuple(new_names)  # type: ignore[attr-defined]
         cls.__init__ = accept_old_names  # type: ignore[misc]
         return renamed_attributes(**new_names)(cls)
 
