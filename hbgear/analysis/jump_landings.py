@@ -133,7 +133,7 @@ def same_motion(motion: Point, points: Sequence[Point], tolerance: float = MAX_M
     """Return the index of the nearest point that equals a motion at the same parameter, including its phase, or None.
 
     Motions may differ in resolution and period, and by a shift of whole periods of the excitation. The tolerance is the
-    largest rms difference relative to the alternating part. CurveSolutions of the same equations are compared by
+    largest rms difference relative to the alternating part. Solutions of the same equations are compared by
     `hbgear.continuation.solvers.deflation.same_solution`, with a tolerance of Newton's method.
     """
     differences = [_relative_difference(motion, point) for point in points]

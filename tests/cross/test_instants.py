@@ -301,7 +301,7 @@ def test_special_points_of_hard_stops(kind, k, c, F, Omega, instants, velocities
 
 @pytest.mark.parametrize("clearance, half", [(-1e-3, 0.05), (1e-3, 0.05), (1e-3, 0.0)])
 def test_crossings_that_are_missing_or_too_many_are_corrected(clearance, half):
-    """CurveSolutions slightly beyond a stop or in front of it, from approximations without or with a contact."""
+    """Solutions slightly beyond a stop or in front of it, from approximations without or with a contact."""
     Omega, free = 0.7, 0.3 / (1 - 0.7**2 + 1j * 0.1 * 0.7)
     model = stop(20.0, 0.1, 0.3, gap=abs(free) * (1 + clearance))
     rows, top = np.array([[0.0, free.real, -free.imag]]), -np.angle(free)

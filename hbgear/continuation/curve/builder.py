@@ -67,8 +67,7 @@ def build_branch(
 
     The problem of the equations has the largest number of unknowns; points with fewer are padded with zeros. Unknowns
     that are parameters are stored in ``tracked``. Points that were not monitored have multipliers nan and unknown
-    regimes.
-    ``end`` is the status and the message; ``settings`` are those of the trace for the header of a file.
+    regimes. ``end`` is the status and the message; ``settings`` are those of the trace for the header of a file.
     """
     problem = equations.problem
     unknowns, tracked = zip(*(problem.split(point.X) for point in points), strict=True)

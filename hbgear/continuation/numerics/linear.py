@@ -89,7 +89,7 @@ SMALL = 100
 class Factors:
     """Factors A = P L U of a real or complex matrix, dense or sparse, to solve with A, its transpose and its adjoint.
 
-    CurveSolutions with a dense matrix that is exactly singular, or not finite, are not finite. A sparse matrix that is
+    Solutions with a dense matrix that is exactly singular, or not finite, are not finite. A sparse matrix that is
     exactly singular raises LinAlgError.
     """
 

@@ -247,7 +247,7 @@ class ContinuationProblem:
         ``observed`` holds the results of `observe` with two more entries: ``"determinant"``, the sign of det(dR/dX), 0
         if it is unknown, and ``"contradicts"``, True if an adjacent special point contradicts the stability. More
         accurate ``"multipliers"`` replace uncertain ones, ``"modulus_error"`` is the error of the largest modulus.
-        CurveSolutions that ``work`` leaves unrefined keep their error. By default multipliers stay as observed.
+        Solutions that ``work`` leaves unrefined keep their error. By default multipliers stay as observed.
         """
 
     def events(self, parameter: str) -> tuple[Any, ...]:

@@ -81,7 +81,7 @@ class BranchFacade:
         Returns
         -------
         tuple of Point
-            CurveSolutions in the order of the curves, stable and unstable.
+            Solutions in the order of the curves, stable and unstable.
 
         Raises
         ------

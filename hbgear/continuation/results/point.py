@@ -356,7 +356,7 @@ class Jump:
     direction : int
         +1 if the parameter increases, -1 if it decreases.
     before, after : Point
-        CurveSolutions before and after the jump. `after` is None if no stable solution is known at `value`.
+        Solutions before and after the jump. `after` is None if no stable solution is known at `value`.
     landing : {"nearest", "integrate", "bifurcating"}
         How `after` was chosen: the nearest stable solution; integration in time from `before`; or no jump, because the
         sweep continues on a stable branch that bifurcates at `before`, of which `after` is the first solution.

@@ -140,8 +140,8 @@ def solve(
     """Return the solution near a start X (n,) at fixed parameters, by Newton's method with step halving.
 
     The solution holds the value of the parameter ``name`` and the derivative in it; without a name they are nan and 0.
-    A step is halved until the residual decreases. NoConvergence is raised if no step does, or if the residual does not
-    fall below the tolerance.
+    A step is halved until the residual decreases, ``max_halvings`` times at most. NoConvergence is raised if this
+    fails, or if the residual does not fall below the tolerance.
     """
     X = np.array(X, dtype=float)
     problem = as_problem(problem).with_borders_at(X, parameters)

@@ -53,7 +53,7 @@ class GearRotorBearing(MeshExcitation):  # numpydoc ignore=PR02
     the equations of the bearings with the mass ratio, the preloads, and (second paper) the variable mesh stiffness.
     Added here: the signs, with y_1 and y_2 positive in the direction in which y_1 closes the mesh and energy conserved
     (the form above is symmetric), and any number of harmonics of stiffness and error. Responses of the papers have not
-    been compared. CurveSolutions are verified by time integration of the same equations, the transfer function without
+    been compared. Solutions are verified by time integration of the same equations, the transfer function without
     clearance, the static state and the limit mu_1, mu_2 -> 0, which is `SpurPair`.
 
     The bearing forces are 1/mu_i times the mesh forces, and the corrector stops at 1e-10 of the largest force. With

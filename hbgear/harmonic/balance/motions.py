@@ -1,4 +1,4 @@
-"""CurveSolutions of the harmonic balance as periodic motions: layout, forces, contact, stability, monitored quantities.
+"""Solutions of the harmonic balance as periodic motions: layout, forces, contact, stability, monitored quantities.
 
 The functions of `hbgear.harmonic.equations.motion` compute the quantities of one motion at one parameter set. The class
 calls them with the model at the given parameters, and adds Floquet multipliers and events, for `trace`.

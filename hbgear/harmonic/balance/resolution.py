@@ -207,8 +207,8 @@ def add_errors_of_free_motions(
     The truncation error is that of a motion with a given frequency, and is infinite where a truncated harmonic is in
     resonance.
 
-    Some of successive motions are checked. Between them the error of the motion
-    is interpolated. ``balance`` is that of the finer problem. If it is None, the errors of the parameters are unknown.
+    Some of successive motions are checked. Between them the error of the motion is interpolated. ``balance`` is that of
+    the finer problem. If it is None, the errors of the parameters are unknown.
     The frequency may be much less accurate than the motion: with 16 harmonics, that of a mode with a stiff friction
     slider is 6 % off, and the motion of given amplitude 0.6 %.
     """
