@@ -15,6 +15,7 @@ import scipy
 
 from hbgear.common.arrays import Array
 from hbgear.common.ranges import Range
+from hbgear.common.text.symbols import shown_unit
 from hbgear.mechanics.models import Model, System
 
 _MAX_FREQUENCY_RATIO = 30.0
@@ -108,10 +109,10 @@ def _check_values(model: Model, name: str, values: Array, usual: Range) -> None:
     """Warn of values of a field outside their usual range."""
     if any(float(value) not in usual for value in values):
         field = getattr(model, name)
-        unit = model.labels.get(name, "").partition("[")[2].partition("]")[0].replace("$", "")
+        unit = shown_unit(model.labels.get(name, ""))
         warn(
             f"{type(model).__name__}: {name} = {field} is far from usual values ({usual.low:g} to {usual.high:g}); "
-            f"is it in the right unit{f' ({unit})' if unit not in ('', '-') else ''}?"
+            f"is it in the right unit{f' ({unit})' if unit else ''}?"
         )
 
 

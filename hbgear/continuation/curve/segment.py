@@ -156,7 +156,7 @@ class Segment:
 
     def parameters_at(self, value: float) -> dict[str, float]:
         """Return all parameters, with a value of the continuation parameter."""
-        return {**self.parameters, self.name: value}
+        return self.equations.parameters_at(value)
 
     def guess(self, s: float | Array) -> Array:
         """Return the Hermite interpolation of u (n + 1,) at a fraction s, or (k, n + 1) at fractions (k, 1)."""

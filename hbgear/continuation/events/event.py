@@ -35,7 +35,7 @@ import numpy as np
 from hbgear.common.argument_checks import checked_arguments
 from hbgear.common.arrays import Array, ComplexArray
 from hbgear.continuation.augmented.level import ScalarConditionProblem
-from hbgear.continuation.augmented.minimally_augmented import MinimallyAugmentedProblem
+from hbgear.continuation.augmented.minimally_augmented import LOCATION_ITERATIONS, MinimallyAugmentedProblem
 from hbgear.continuation.curve.builder import build_point
 from hbgear.continuation.curve.segment import CurvePoint, NewBranch, Segment, point_from_solution
 from hbgear.continuation.events.columns import lengths
@@ -435,10 +435,6 @@ SINGULAR_POINT_OFFSETS = 1e-5, 1e-4
 """Distances from a singular point, as fractions of the segment, at which both sides of it are evaluated."""
 
 
-LOCATION_ITERATIONS = 5
-"""Maximum number of Newton iterations on the equations of a special point, which start close to it."""
-
-
 def locate_root(
     segment: Segment,
     event: Event,
@@ -512,7 +508,7 @@ def locate_by_newton(
     function. NoConvergence is raised if Newton's method fails or leaves the segment.
     """
     u = segment.guess(s)
-    settings = replace(segment.settings, max_iterations=LOCATION_ITERATIONS)  # the start is close to the solution
+    settings = replace(segment.settings, max_iterations=LOCATION_ITERATIONS)
     solution = extended.located(u, segment.parameters, settings)
     U = solution.X
     chord, fraction = (segment.b.u - segment.a.u) / segment.scale, segment.fraction_of(U)

@@ -60,14 +60,19 @@ MAX_DETERMINANT_MODULUS = 1e6
 """Modulus to which multipliers are limited in the determinant, so that products do not overflow."""
 
 
+def pair_factors(multipliers: ComplexArray) -> ComplexArray:
+    """Return mu_i mu_j - 1 of all pairs i < j of the multipliers (r,), (r (r - 1) / 2,)."""
+    first, second = np.triu_indices(len(multipliers), 1)
+    return multipliers[first] * multipliers[second] - 1
+
+
 def sign_of_pairs(multipliers: ComplexArray) -> float:
     """Return the smallest |mu_i mu_j - 1| over all pairs i < j of the multipliers (r,), with the sign of their product.
 
     It is zero where a complex pair is on the unit circle, and at neutral saddles, where the pair is real. The product
     of all factors would underflow with many multipliers.
     """
-    first, second = np.triu_indices(len(multipliers), 1)
-    factors = multipliers[first] * multipliers[second] - 1
+    factors = pair_factors(multipliers)
     sizes = np.abs(factors)
     smallest = float(sizes.min(initial=1.0))
     return math.copysign(smallest, float((factors / sizes).prod().real)) if smallest > 0 else 0.0

@@ -19,7 +19,7 @@ import numpy as np
 import scipy
 
 from hbgear.common.arrays import Array, ComplexArray
-from hbgear.continuation.results.stability import sign_of_pairs
+from hbgear.continuation.results.stability import pair_factors, sign_of_pairs
 from hbgear.continuation.solvers.newton import NoConvergence
 from hbgear.harmonic.instants.corrector import CurveState, Family, correct, jacobian, tangent_of
 from hbgear.harmonic.instants.shooting import Linearisation, monodromy_matrix, multipliers_of
@@ -408,8 +408,7 @@ def _smooth_test(kind: str, mu: ComplexArray) -> float:
     """Return det(P -+ 1), or for "NS" prod_{i<j} (mu_i mu_j - 1), of the multipliers."""
     if kind in _UNIT:
         return float(np.prod(mu - _UNIT[kind]).real)
-    first, second = np.triu_indices(len(mu), 1)
-    return float(np.prod(mu[first] * mu[second] - 1).real)
+    return float(np.prod(pair_factors(mu)).real)
 
 
 def _passes_three_times(family: Family, a: ExactPoint, b: ExactPoint, kind: str) -> bool:
